@@ -1,0 +1,3 @@
+"""Simulation-based Bayesian inference for multi-fingered grasping."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,1 @@
+"""Objects, gripper, arm, and the physics scene made of them."""

@@ -1,0 +1,1 @@
+"""Strategies of the paper's table, judged by the lift test."""

@@ -1,0 +1,1 @@
+"""Simulated tuples: made, kept and fed to the trainer."""

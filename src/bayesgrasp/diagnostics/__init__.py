@@ -1,0 +1,1 @@
+"""Is the posterior right? Coverage, SBC, TARP, reliability."""

@@ -1,0 +1,1 @@
+"""Rotations, the grasp space R^3 x SO(3) x G, and cameras."""

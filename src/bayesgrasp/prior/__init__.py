@@ -1,0 +1,1 @@
+"""Analytic priors: hand configurations, scenes, nuisances."""

@@ -1,0 +1,1 @@
+"""Likelihood-to-evidence ratio estimators and their training."""
