@@ -1,0 +1,138 @@
+"""The pinhole camera: round trips, conventions, resizing, and every bad camera file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesgrasp.errors import DepthImageError
+from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+
+REAL_CAMERA = Path(__file__).parents[2] / "../shared/real_depth/camera.json"
+
+
+def test_project_inverts_unproject() -> None:
+    camera = canonical_camera()
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform([0, 0], [639, 479], size=(5, 7, 2))
+    depth = rng.uniform(0.45, 1.0, size=(5, 7))
+    again, depth_again = camera.project(camera.unproject(pixels, depth))
+    np.testing.assert_allclose(again, pixels, atol=1e-9)
+    np.testing.assert_allclose(depth_again, depth, atol=1e-12)
+
+
+def test_rays_unproject_every_pixel() -> None:
+    camera = canonical_camera().resized(64, 48)
+    rows, columns = np.mgrid[:48, :64]
+    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)
+    depth = np.full((48, 64), 0.7)
+    np.testing.assert_allclose(camera.rays() * depth[..., None], camera.pixels_to_camera(pixels, depth), atol=1e-12)
+
+
+def test_axes_follow_the_convention() -> None:
+    camera = canonical_camera()
+    centre = np.array([0.0, 0.0, 0.05])
+    middle, depth = camera.project(centre)
+    np.testing.assert_allclose(middle, [319.5, 239.5], atol=1e-9)
+    np.testing.assert_allclose(depth, np.linalg.norm([0.40, 0.65]))
+    above, _ = camera.project(np.array([0.0, 0.0, 0.15]))
+    left, _ = camera.project(np.array([0.0, -0.1, 0.05]))
+    assert above[1] < middle[1]
+    # The camera faces -x with z up, so its right is world +y.
+    assert left[0] < middle[0]
+    np.testing.assert_allclose(left[1], middle[1], atol=1e-9)
+
+
+def test_points_behind_have_no_pixel() -> None:
+    pixels, depth = canonical_camera().camera_to_pixels(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]))
+    assert np.isnan(pixels).all()
+    assert (depth <= 0).all()
+
+
+def test_resizing_keeps_the_outer_edges_and_cropping_moves_the_origin() -> None:
+    camera = canonical_camera()
+    points = camera.unproject(np.array([[-0.5, -0.5], [639.5, 479.5], [100.0, 50.0]]), np.full(3, 0.8))
+    small, _ = camera.resized(256, 160).project(points)
+    np.testing.assert_allclose(small[:2], [[-0.5, -0.5], [255.5, 159.5]], atol=1e-9)
+    part, _ = camera.cropped(90, 45, 20, 10).project(points)
+    np.testing.assert_allclose(part[2], [10.0, 5.0], atol=1e-9)
+
+
+def test_file_round_trip(tmp_path: Path) -> None:
+    camera = canonical_camera()
+    camera.save(tmp_path / "camera.json")
+    again = Camera.load(tmp_path / "camera.json")
+    assert again.to_dict() == camera.to_dict()
+    bare = camera.with_pose(None)
+    bare.save(tmp_path / "bare.json")
+    assert Camera.load(tmp_path / "bare.json").camera_to_world is None
+    with pytest.raises(DepthImageError, match="no pose"):
+        _ = bare.pose
+
+
+@pytest.mark.skipif(not REAL_CAMERA.exists(), reason="needs ../shared/real_depth")
+def test_published_camera_file_is_read_and_made_orthonormal() -> None:
+    camera = Camera.load(REAL_CAMERA)
+    rotation = camera.pose[:3, :3]
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
+    assert rotation[2, 2] < -0.9  # looks down
+
+
+def content(**changes: object) -> dict[str, object]:
+    """A valid file with some keys replaced; dots address inner keys, None removes."""
+    result: dict[str, dict[str, object]] = json.loads(json.dumps(canonical_camera().to_dict()))
+    for name, value in changes.items():
+        outer, _, inner = name.partition("__")
+        section = result[outer] if inner else result
+        if value is None:
+            del section[inner or outer]
+        else:
+            section[inner or outer] = value  # type: ignore[assignment]
+    return result  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"intrinsics": None}, "missing: width, height, fx"),
+        ({"intrinsics__fx": None}, "missing: fx"),
+        ({"intrinsics__fx": 0.0}, "singular intrinsics"),
+        ({"intrinsics__fy": float("nan")}, r"intrinsics\.fy must be a number"),
+        ({"intrinsics__width": 640.5}, "whole number"),
+        ({"intrinsics__height": 0}, "at least one pixel"),
+        ({"intrinsics__cx": "left"}, r"intrinsics\.cx must be a number"),
+        ({"camera_to_world__rotation": None}, "missing: rotation"),
+        ({"camera_to_world__rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "not a rotation"),
+        ({"camera_to_world__rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}, "not a rotation"),
+        ({"camera_to_world__rotation": [1, 2, 3]}, "shape"),
+        ({"camera_to_world__translation_m": [0.0, 0.0, -0.7]}, "not above the table"),
+        ({"camera_to_world__translation_m": [0.0, 0.7]}, "shape"),
+        ({"camera_to_world": [1.0]}, "camera_to_world"),
+    ],
+)
+def test_bad_content_is_refused_by_name(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(DepthImageError, match=message):
+        Camera.from_dict(content(**changes))
+
+
+def test_unreadable_files_are_refused_with_their_path(tmp_path: Path) -> None:
+    with pytest.raises(DepthImageError, match=r"missing\.json"):
+        Camera.load(tmp_path / "missing.json")
+    broken = tmp_path / "broken.json"
+    broken.write_text("{")
+    with pytest.raises(DepthImageError, match="not JSON"):
+        Camera.load(broken)
+    broken.write_text("[]")
+    with pytest.raises(DepthImageError, match="intrinsics"):
+        Camera.load(broken)
+
+
+def test_look_at_refuses_a_degenerate_view() -> None:
+    eye = np.array([0.0, 0.0, 1.0])
+    with pytest.raises(DepthImageError, match="line of sight"):
+        look_at(eye, np.zeros(3))
+    with pytest.raises(DepthImageError, match="apart from the eye"):
+        look_at(eye, eye)
+    pose = look_at(eye, np.zeros(3), up=np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.linalg.det(pose[:3, :3]), 1.0)
