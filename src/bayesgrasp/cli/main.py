@@ -1,0 +1,109 @@
+"""The one entry point: finds the command, turns its signature into options, and turns our errors into one line.
+
+A command is a typed, documented function in a file of its own; it is imported only when it is the one to run, so
+that ``bayesgrasp --help`` answers at once. Exit codes: 0 done, 2 wrong input or options, 130 interrupted.
+"""
+
+import importlib
+import importlib.metadata
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bayesgrasp.errors import BayesgraspError
+
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Command:
+    """Where a command lives and what it does, in one line.
+
+    Attributes:
+        target: ``module:function`` below ``bayesgrasp.cli``.
+        summary: One line for ``bayesgrasp --help``.
+    """
+
+    target: str
+    summary: str
+
+    def load(self) -> Callable[..., None]:
+        """Import the module and return the function."""
+        module, function = self.target.split(":")
+        loaded: Callable[..., None] = getattr(importlib.import_module(f"bayesgrasp.cli.{module}"), function)
+        return loaded
+
+
+COMMANDS: dict[str, Command] = {
+    "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
+}
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code (see the module's docstring).
+
+    Args:
+        args: What was typed after ``bayesgrasp``; by default `sys.argv`.
+    """
+    words = list(sys.argv[1:] if args is None else args)
+    logging.basicConfig(level=logging.INFO if "--verbose" in words else logging.WARNING, format="%(name)s: %(message)s")
+    words = [word for word in words if word != "--verbose"]
+    try:
+        _dispatch(words)
+    except BayesgraspError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(EXIT_ERROR) from error
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        raise SystemExit(EXIT_INTERRUPTED) from None
+
+
+def _dispatch(words: list[str]) -> None:
+    if words == ["--version"]:
+        print(f"bayesgrasp {importlib.metadata.version('bayesgrasp')}")
+        return
+    if words in ([], ["--help"], ["-h"]):
+        print(_overview(COMMANDS))
+        return
+    name = _find(words)
+    _run(name, words[len(name.split()) :])
+
+
+def _run(name: str, options: list[str]) -> None:
+    # Imported here, so that `bayesgrasp --help` does not wait for it.
+    import tyro
+
+    tyro.cli(COMMANDS[name].load(), prog=f"bayesgrasp {name}", args=options, config=(tyro.conf.DisallowNone,))
+
+
+def _find(words: list[str]) -> str:
+    """The longest command name that starts ``words``; leaves with help where there is none."""
+    for length in (2, 1):
+        if (name := " ".join(words[:length])) in COMMANDS:
+            return name
+    group = {name: command for name, command in COMMANDS.items() if name.split()[0] == words[0]}
+    if group and words[1:] in ([], ["--help"], ["-h"]):
+        print(_overview(group))
+        raise SystemExit(0)
+    print(_overview(group or COMMANDS), file=sys.stderr)
+    print(f"\nerror: there is no command '{' '.join(words[:2] if group else words[:1])}'", file=sys.stderr)
+    raise SystemExit(EXIT_ERROR)
+
+
+def _overview(commands: dict[str, Command]) -> str:
+    width = max(map(len, commands))
+    lines = (f"  {name:{width}}  {command.summary}" for name, command in commands.items())
+    return "\n".join(
+        (
+            "usage: bayesgrasp [--help] [--version] [--verbose] COMMAND [OPTIONS]",
+            "",
+            "Plan multi-fingered grasps from one depth image by simulation-based Bayesian inference.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "`bayesgrasp COMMAND --help` lists the options of a command.",
+        )
+    )
