@@ -9,8 +9,6 @@ import pytest
 from bayesgrasp.errors import DepthImageError
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
 
-REAL_CAMERA = Path(__file__).parents[2] / "../shared/real_depth/camera.json"
-
 
 def test_project_inverts_unproject() -> None:
     camera = canonical_camera()
@@ -71,9 +69,8 @@ def test_file_round_trip(tmp_path: Path) -> None:
         _ = bare.pose
 
 
-@pytest.mark.skipif(not REAL_CAMERA.exists(), reason="needs ../shared/real_depth")
-def test_published_camera_file_is_read_and_made_orthonormal() -> None:
-    camera = Camera.load(REAL_CAMERA)
+def test_published_camera_file_is_read_and_made_orthonormal(real_depth_dir: Path) -> None:
+    camera = Camera.load(real_depth_dir / "camera.json")
     rotation = camera.pose[:3, :3]
     np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
     assert rotation[2, 2] < -0.9  # looks down

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -54,7 +54,7 @@ class Camera:
             object.__setattr__(self, "camera_to_world", _checked_pose(self.camera_to_world))
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
+    def load(cls, path: str | Path) -> Camera:
         """Read a camera file: JSON with `intrinsics` and, optionally, `camera_to_world`; other keys are ignored.
 
         Raises:
@@ -72,7 +72,7 @@ class Camera:
             raise DepthImageError(f"camera file {path}: {error}") from error
 
     @classmethod
-    def from_dict(cls, content: Any) -> Self:
+    def from_dict(cls, content: Any) -> Camera:
         """The camera of a parsed camera file.
 
         Raises:
