@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Self
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -78,13 +78,16 @@ class Hands:
         )
 
 
+C = TypeVar("C", bound="Columns")
+
+
 class Columns:
     """Base of frozen dataclasses whose fields are NumPy arrays with one common leading dimension."""
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))  # type: ignore[arg-type]
 
-    def __getitem__(self, index: object) -> Self:
+    def __getitem__(self: C, index: Any) -> C:
         return type(self)(**{name: column[index] for name, column in self.columns().items()})
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -92,7 +95,7 @@ class Columns:
         return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
 
     @classmethod
-    def cat(cls, parts: Sequence[Self]) -> Self:
+    def cat(cls: type[C], parts: Sequence[C]) -> C:
         """Concatenate batches along the leading dimension."""
         return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})  # type: ignore[arg-type]
 
@@ -125,6 +128,24 @@ class Nuisances(Columns):
     lateral_friction: Float32[np.ndarray, "n"]
     spinning_friction: Float32[np.ndarray, "n"]
     mass_factor: Float32[np.ndarray, "n"]
+
+
+@dataclass(frozen=True)
+class CameraNuisances(Columns):
+    """Nuisances of the depth sensor, relative to the nominal camera.
+
+    Attributes:
+        position_offset: Added to the camera's position in the world frame, metres.
+        rotation_vector: eta, radians, in the camera frame: camera_to_world becomes camera_to_world * exp(eta).
+        near, far: Range outside which the sensor returns nothing, metres.
+        field_of_view_factor: True field of view (angle) divided by the nominal one, both ways.
+    """
+
+    position_offset: Float32[np.ndarray, "n 3"]
+    rotation_vector: Float32[np.ndarray, "n 3"]
+    near: Float32[np.ndarray, "n"]
+    far: Float32[np.ndarray, "n"]
+    field_of_view_factor: Float32[np.ndarray, "n"]
 
 
 @dataclass(frozen=True)
