@@ -11,8 +11,6 @@ rotation); it stays finite there. Quaternions are (w, x, y, z); q and -q are the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -46,11 +44,11 @@ def exp(vector: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     near = squared < SERIES_BELOW
     safe = torch.where(near, 1.0, squared)
     angle = safe.sqrt()
-    sine = torch.where(near, _series(squared, [1, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880]), angle.sin() / angle)
+    sine = torch.where(near, _series(squared, 1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880), angle.sin() / angle)
     # (1 - cos t) / t^2 = 2 sin^2(t / 2) / t^2 has no cancellation.
     cosine = torch.where(
         near,
-        _series(squared, [1 / 2, -1 / 24, 1 / 720, -1 / 40320, 1 / 3628800]),
+        _series(squared, 1 / 2, -1 / 24, 1 / 720, -1 / 40320, 1 / 3628800),
         2 * (angle / 2).sin().square() / safe,
     )
     h = hat(vector)
@@ -68,7 +66,7 @@ def log(rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
     sine = torch.where(near, 1.0, squared).sqrt()
     ratio = squared / safe_real.square()
     coefficients = [(-1) ** k / (2 * k + 1) for k in range(8)]  # of atan(s) / s
-    factor = torch.where(near, _series(ratio, coefficients) / safe_real, torch.atan2(sine, real) / sine)
+    factor = torch.where(near, _series(ratio, *coefficients) / safe_real, torch.atan2(sine, real) / sine)
     return 2 * factor[..., None] * imaginary
 
 
@@ -156,7 +154,7 @@ class _Polar(torch.autograd.Function):
         return left @ ((inner - inner.mT) / sums) @ right
 
 
-def _series(x: Tensor, coefficients: Sequence[float]) -> Tensor:
+def _series(x: Tensor, *coefficients: float) -> Tensor:
     """Horner's rule for a polynomial, lowest coefficient first."""
     result = torch.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):

@@ -56,6 +56,16 @@ class GraspPrior:
         if not self.types or len(set(self.types)) < len(self.types) or not set(self.types) <= known:
             raise InvalidConfigurationError(f"types must be distinct values out of {sorted(known)}, got {self.types}")
 
+    @property
+    def low(self) -> tuple[float, float, float]:
+        """Lower corner of the box of positions, metres."""
+        return self.x[0], self.y[0], self.z[0]
+
+    @property
+    def high(self) -> tuple[float, float, float]:
+        """Upper corner of the box of positions, metres."""
+        return self.x[1], self.y[1], self.z[1]
+
     def sample(self, n: int, rng: np.random.Generator) -> Hands:
         """Hands of batch shape (n,), float32, all of them inside the support."""
         position = np.stack([uniform(rng, box, n) for box in (self.x, self.y, self.z)], axis=-1)
@@ -90,16 +100,10 @@ class GraspPrior:
 
     def in_support(self, hands: Hands) -> Bool[Tensor, "*batch"]:
         """Whether the position is inside the box and the grasp type is in use."""
-        low, high = self.bounds(hands.position)
+        low, high = hands.position.new_tensor(self.low), hands.position.new_tensor(self.high)
         inside = ((hands.position >= low) & (hands.position <= high)).all(-1)
         types = torch.tensor(self.types, device=hands.grasp_type.device)
         return inside & torch.isin(hands.grasp_type, types)
-
-    def bounds(self, like: Tensor | None = None) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
-        """Lower and upper corner of the box of positions, metres, with the type and device of `like` (float32)."""
-        like = torch.empty(0) if like is None else like
-        low, high = zip(self.x, self.y, self.z, strict=True)
-        return like.new_tensor(low), like.new_tensor(high)
 
     @cached_property
     def _mixture(self) -> RotationMixture:
