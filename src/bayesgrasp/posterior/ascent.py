@@ -1,0 +1,278 @@
+"""MAP by Riemannian conjugate gradients on R^3 x SO(3), all starts and all grasp types at once (paper, Algorithm 2).
+
+Per start, in orthonormal coordinates u = (v / l, w) of the tangent space (see `geometry.grasp_space`):
+
+    d_k = -g_k + beta_k d_{k-1},   beta_k = max(0, <g_k, g_k - g_{k-1}> / <d_{k-1}, g_k - g_{k-1}>)   (Hestenes-Stiefel)
+    h_{k+1} = (clip(x + a l d_x), R exp([a d_w]_x)),   a by backtracking (Armijo) with quadratic interpolation
+
+Vectors are transported by left translation, which is an isometry and, in these coordinates, the identity. The prior's
+box is kept exactly: a trial position is clipped to it, the decrease is judged along the displacement that was really
+made, and a coordinate that sits on a face and wants to leave is frozen (active set): a MAP outside the support is
+impossible.
+
+A batch is one tensor program: every start has its own step length and stopping reason; those that stopped, or whose
+step is already accepted, are left out of the next evaluation.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.grasp_space import GraspSpace
+from bayesgrasp.posterior.potential import Potential, Prior
+from bayesgrasp.types import GraspType, Hands
+
+
+class Stop(IntEnum):
+    """Why a start stopped."""
+
+    MAX_STEPS = 0
+    SMALL_GRADIENT = 1
+    SMALL_DECREASE = 2
+    NO_DECREASE = 3
+    OUTSIDE = 4
+
+
+@dataclass(frozen=True)
+class AscentConfig:
+    """How to search for the MAP; the defaults are those of Algorithm 2 (20 steps, one start per type).
+
+    Attributes:
+        starts_per_type: Ascents per grasp type; their starts are the best of as many disjoint parts of the draws.
+        steps: Largest number of conjugate-gradient steps.
+        space: The metric.
+        first_step: Length of the first trial displacement, radians.
+        max_step: Longest displacement in one step, radians.
+        armijo: Share of the predicted decrease that a step must reach.
+        backtracks: Trials in a line search.
+        gradient_tolerance: Stop below this norm of the scaled gradient (nats per radian).
+        decrease_tolerance: Stop when a step decreases f by less than this (nats).
+    """
+
+    starts_per_type: int = 1
+    steps: int = 20
+    space: GraspSpace = field(default_factory=GraspSpace)
+    first_step: float = 0.1
+    max_step: float = 0.5
+    armijo: float = 1e-4
+    backtracks: int = 12
+    gradient_tolerance: float = 1e-4
+    decrease_tolerance: float = 1e-5
+
+    def __post_init__(self) -> None:
+        for name in ("starts_per_type", "steps", "first_step", "max_step", "backtracks"):
+            if not getattr(self, name) > 0:
+                raise InvalidConfigurationError(f"{name} must be positive, got {getattr(self, name)}")
+        if not 0 < self.armijo < 0.5:
+            raise InvalidConfigurationError(f"armijo must be in (0, 0.5), got {self.armijo}")
+
+
+@dataclass(frozen=True)
+class Ascents:
+    """Where each start ended.
+
+    Attributes:
+        hands: End points.
+        value: f there, nats (the negative log-posterior up to a constant).
+        steps: Accepted steps.
+        stop: `Stop` values.
+        evaluations: Hands whose value and gradient were computed, over all starts.
+    """
+
+    hands: Hands
+    value: Float[Tensor, "n"]
+    steps: Int[Tensor, "n"]
+    stop: Int[Tensor, "n"]
+    evaluations: int
+
+    @property
+    def best(self) -> Hands:
+        """The end point with the lowest potential (the MAP estimate), of batch shape ()."""
+        return self.hands[self.value.argmin()]
+
+
+def with_every_type(hands: Hands) -> Hands:
+    """The same poses under each grasp type: batch shape (3, n)."""
+    n, types = len(hands.grasp_type), len(GraspType)
+    return Hands(
+        hands.position.expand(types, n, 3),
+        hands.rotation.expand(types, n, 3, 3),
+        torch.arange(types, device=hands.grasp_type.device)[:, None].expand(types, n),
+    )
+
+
+def starting_points(potential: Potential, poses: Hands, per_type: int = 1) -> Hands:
+    """The best poses under each grasp type (Algorithm 2, initial iterates).
+
+    Args:
+        potential: What is to be minimised.
+        poses: Draws of (x, R) from the prior; their own types are ignored. (n,)
+        per_type: Starts per type. The draws are cut into as many parts and the best of each is taken, so the best of
+            all is always among them and the others come from elsewhere.
+
+    Returns:
+        Hands of batch shape (3 * per_type,).
+    """
+    part = len(poses.grasp_type) // per_type
+    if part == 0:
+        raise InvalidConfigurationError(f"{len(poses.grasp_type)} poses are too few for {per_type} starts per type")
+    candidates = with_every_type(poses[: part * per_type])
+    values = potential(candidates).reshape(len(GraspType), per_type, part)
+    offset = part * torch.arange(per_type, device=values.device)
+    column = values.argmin(-1) + offset
+    chosen = candidates[torch.arange(len(GraspType), device=values.device)[:, None], column]
+    return Hands(chosen.position.reshape(-1, 3), chosen.rotation.reshape(-1, 3, 3), chosen.grasp_type.reshape(-1))
+
+
+def ascend(potential: Potential, starts: Hands, config: AscentConfig | None = None) -> Ascents:
+    """Minimise the potential from each start, with the grasp type fixed.
+
+    Args:
+        potential: What is to be minimised.
+        starts: Batch shape (n,).
+        config: Steps, tolerances and scales.
+    """
+    descent = _Descent(potential, starts, config or AscentConfig())
+    while descent.step():
+        pass
+    return descent.result()
+
+
+def find_map(
+    potential: Potential,
+    prior: Prior,
+    rng: np.random.Generator,
+    num_draws: int = 1000,
+    config: AscentConfig | None = None,
+) -> Ascents:
+    """Algorithm 2: draw poses from the prior, ascend from the best of each type; `Ascents.best` is the MAP estimate.
+
+    Args:
+        potential: What is to be minimised.
+        prior: Where the starts are drawn from.
+        rng: Source of the draws.
+        num_draws: Draws of (x, R); each is tried with every type.
+        config: Steps, tolerances and scales; by default the paper's.
+    """
+    config = config or AscentConfig()
+    return ascend(potential, starting_points(potential, prior.sample(num_draws, rng), config.starts_per_type), config)
+
+
+class _Descent:
+    """State of a batch of conjugate-gradient descents; tensors of n rows, in the coordinates u = (v / l, w)."""
+
+    def __init__(self, potential: Potential, starts: Hands, config: AscentConfig):
+        self.potential, self.config = potential, config
+        self.hands = Hands(starts.position.clone(), starts.rotation.clone(), starts.grasp_type)
+        self.scale = starts.position.new_tensor([config.space.length_scale] * 3 + [1.0] * 3)
+        self.low, self.high = potential.box.corners(starts.position)
+        value, gradient = potential.value_and_grad(starts)
+        self.value, self.gradient = value, gradient * self.scale
+        self.direction = torch.zeros_like(self.gradient)
+        self.previous = torch.zeros_like(self.gradient)
+        self.step_length, self.curvature = torch.full_like(value, config.first_step), torch.zeros_like(value)
+        self.steps = torch.zeros_like(starts.grasp_type)
+        self.stop = torch.full_like(starts.grasp_type, Stop.MAX_STEPS)
+        self.active = value.isfinite()
+        self.stop[~self.active] = Stop.OUTSIDE
+        self.evaluations, self.rounds = len(value), 0
+
+    def step(self) -> bool:
+        """One conjugate-gradient step of every start that is still going; False when none is, or steps are used up."""
+        free_gradient = torch.where(self._blocked(), 0.0, self.gradient)
+        self._finish(self.active & (free_gradient.norm(dim=-1) < self.config.gradient_tolerance), Stop.SMALL_GRADIENT)
+        if self.rounds == self.config.steps or not self.active.any():
+            return False
+        self.rounds += 1
+        steepest = self._turn(free_gradient)
+        before = self.value.clone()
+        moved = self._search(free_gradient)
+        self.steps += moved
+        self._finish(self.active & ~moved & steepest, Stop.NO_DECREASE)
+        self._finish(moved & (before - self.value < self.config.decrease_tolerance), Stop.SMALL_DECREASE)
+        self.direction[~moved] = 0.0  # the next direction is the steepest one
+        return True
+
+    def result(self) -> Ascents:
+        return Ascents(self.hands, self.value, self.steps, self.stop, self.evaluations)
+
+    def _blocked(self) -> Bool[Tensor, "n 6"]:
+        """Coordinates on a face of the box whose descent points outwards."""
+        x, g = self.hands.position, self.gradient[:, :3]
+        outwards = ((x <= self.low) & (g > 0)) | ((x >= self.high) & (g < 0))
+        return torch.cat([outwards, torch.zeros_like(outwards)], -1)
+
+    def _turn(self, gradient: Float[Tensor, "n 6"]) -> Bool[Tensor, "n"]:
+        """Set the next direction; True where it is that of steepest descent."""
+        change = gradient - self.previous
+        curvature = (self.direction * change).sum(-1)
+        beta = ((gradient * change).sum(-1) / curvature).nan_to_num(0.0, 0.0, 0.0).clamp(min=0.0)
+        direction = torch.where(gradient == 0, 0.0, beta[:, None] * self.direction) - gradient
+        ascending = (direction * gradient).sum(-1) > -0.1 * direction.norm(dim=-1) * gradient.norm(dim=-1)
+        steepest = ascending | (beta == 0)
+        self.direction = torch.where(steepest[:, None], -gradient, direction)
+        self.previous = gradient
+        return steepest
+
+    def _search(self, gradient: Float[Tensor, "n 6"]) -> Bool[Tensor, "n"]:
+        """Backtrack along the directions; True where a step was taken."""
+        slope = (self.direction * gradient).sum(-1)
+        factor = self._first_trial(slope)
+        pending, moved = self.active.clone(), torch.zeros_like(self.active)
+        for _ in range(self.config.backtracks):
+            rows = pending.nonzero()[:, 0]
+            if len(rows) == 0:
+                break
+            accepted, excess = self._try(rows, factor[rows], slope[rows])
+            moved[rows[accepted]], pending[rows[accepted]] = True, False
+            # Minimum of the parabola through f(0), f'(0) and f(a); a bounded share of a, however bad the trial was.
+            parabola = -0.5 * slope[rows] * factor[rows] / (excess - slope[rows] * factor[rows])
+            factor[rows] *= parabola.nan_to_num(0.0).clamp(0.1, 0.5)
+        return moved
+
+    def _first_trial(self, slope: Float[Tensor, "n"]) -> Float[Tensor, "n"]:
+        """Newton's step for the curvature seen along the last direction, within a range around the last step."""
+        length = self.direction.norm(dim=-1).clamp(min=torch.finfo(slope.dtype).tiny)
+        newton = torch.where(self.curvature > 0, -slope / length / self.curvature, torch.inf)
+        step = torch.minimum(torch.maximum(newton, 0.2 * self.step_length), 4.0 * self.step_length)
+        return step.clamp(max=self.config.max_step) / length
+
+    def _try(
+        self, rows: Int[Tensor, "m"], factor: Float[Tensor, "m"], slope: Float[Tensor, "m"]
+    ) -> tuple[Bool[Tensor, "m"], Float[Tensor, "m"]]:
+        """Evaluate one trial per row and keep those that decrease enough; which they are, and f(trial) - f for all."""
+        direction = self.direction[rows]
+        trial, shift = self._displace(rows, factor[:, None] * direction)
+        value, gradient = self.potential.value_and_grad(trial)
+        gradient = gradient * self.scale
+        self.evaluations += len(rows)
+        excess, predicted = value - self.value[rows], (self.gradient[rows] * shift).sum(-1)
+        accepted = (excess <= self.config.armijo * predicted) & (predicted < 0)
+        keep, length = rows[accepted], direction.norm(dim=-1)
+        curvature = ((gradient * direction).sum(-1) - slope) / (factor * length**2)
+        for state, new in (
+            (self.hands.position, trial.position),
+            (self.hands.rotation, trial.rotation),
+            (self.value, value),
+            (self.gradient, gradient),
+            (self.step_length, factor * length),
+            (self.curvature, curvature),
+        ):
+            state[keep] = new[accepted]
+        return accepted, excess
+
+    def _displace(self, rows: Int[Tensor, "m"], shift: Float[Tensor, "m 6"]) -> tuple[Hands, Float[Tensor, "m 6"]]:
+        """Retract, with positions clipped to the box; also the scaled displacement that was really made."""
+        start = self.hands[rows]
+        trial = self.config.space.retract(start, shift * self.scale)
+        trial = replace(trial, position=self.potential.box.clip(trial.position))
+        return trial, torch.cat([(trial.position - start.position) / self.scale[:3], shift[:, 3:]], -1)
+
+    def _finish(self, which: Bool[Tensor, "n"], reason: Stop) -> None:
+        self.stop[which] = reason
+        self.active &= ~which
