@@ -1,0 +1,150 @@
+"""p(S = 1 | i, h) from local evidence: what the image says at points that move with the hand.
+
+    image -> height above the table, validity, world coordinates of every pixel
+          -> convolutions down to 1/16 and back up to 1/2 of the resolution -> map of C channels, and one global vector
+    hand  -> points in its closing region -> signed depth against the measured surface, and against M learned
+             surfaces behind it (where the object ends, unseen); learned features at the same pixels
+    all   -> fully connected layers -> logit
+
+One view shows only the front of an object, so a point behind the surface is either inside the object or in its
+shadow. The learned surfaces are offsets of the measured one that the convolutions predict for each pixel; the head
+sees a point's signed depth against each.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.ratio.estimators import check_widths
+from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, sample
+from bayesgrasp.ratio.layers import HandConfig, HandFeatures, conv_stage, mlp
+from bayesgrasp.types import Hands
+
+OFFSET_UNIT = 0.05
+"""A learned surface is this many metres behind the measured one for an output of 1."""
+OFFSET_SCALE = 0.02
+"""Signed depth against a learned surface is read through tanh(depth / this), metres."""
+
+
+@dataclass(frozen=True)
+class LocalConfig:
+    """Configuration of `LocalSuccess`.
+
+    Attributes:
+        hand: The hand as a vector.
+        evidence: Points attached to the hand, and the camera.
+        channels: Channels of the convolutions at 1/2, 1/4, 1/8 and 1/16 of the resolution.
+        surfaces: Number M of learned surfaces.
+        features: Learned channels that are looked up as they are.
+        every: They are looked up at every so many points, the surfaces at all of them.
+        vector: Length of the global vector.
+        widths: Widths of the hidden layers of the head.
+    """
+
+    hand: HandConfig = field(default_factory=lambda: HandConfig(embedding=4))
+    evidence: PointsConfig = field(default_factory=PointsConfig)
+    channels: tuple[int, int, int, int] = (16, 32, 64, 96)
+    surfaces: int = 3
+    features: int = 8
+    every: int = 3
+    vector: int = 64
+    widths: tuple[int, ...] = (192, 192, 96)
+
+    def __post_init__(self) -> None:
+        check_widths(self.widths)
+        if min(*self.channels, self.surfaces, self.features, self.every, self.vector) < 1:
+            raise InvalidConfigurationError(f"channels, surfaces, features, every and vector must be positive: {self}")
+
+
+class Context(NamedTuple):
+    """What one image contributes to the values of all its hands."""
+
+    depth: Tensor
+    """Measured depth without gaps, (b, 1, height, width), metres."""
+    maps: Tensor
+    """Learned surfaces, then learned features, at half the resolution, (b, c, height / 2, width / 2)."""
+    vector: Tensor
+    """The image's share of the head's first layer, (b, width)."""
+
+
+class LocalEncoder(nn.Module):
+    """Depth image -> local maps at half the resolution, and a global vector."""
+
+    def __init__(self, config: LocalConfig) -> None:
+        super().__init__()
+        self.view = View(config.evidence.view)
+        c2, c4, c8, c16 = config.channels
+        self.down = nn.ModuleList([conv_stage(a, b) for a, b in ((5, c2), (c2, c4), (c4, c8), (c8, c16))])
+        self.deep = conv_stage(c16, c16, 1)
+        self.lateral = nn.ModuleList([nn.Conv2d(a, b, 1) for a, b in ((c16, c8), (c8, c4), (c4, c2))])
+        self.merge = nn.ModuleList([conv_stage(c, c, 1) for c in (c8, c4, c2)])
+        self.maps = nn.Conv2d(c2, config.surfaces + config.features, 1)
+        cells = -(-config.evidence.view.height // 16) * -(-config.evidence.view.width // 16)
+        self.pool = nn.Conv2d(c16, 16, 1)
+        self.vector = nn.Sequential(nn.Linear(16 * cells, config.vector), nn.ReLU())
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def forward(self, images: Tensor, depth: Tensor) -> tuple[Tensor, Tensor]:
+        """Maps (b, c, height / 2, width / 2) and global vectors (b, vector)."""
+        surface = self.view.surface(depth)
+        inputs = torch.cat([surface / 0.1, (images > 0).to(depth.dtype), (depth - 0.75) * 10.0], 1).clamp(-5.0, 5.0)
+        levels = [inputs.contiguous(memory_format=torch.channels_last)]
+        for stage in self.down:
+            levels.append(stage(levels[-1]))
+        top = levels[-1] + self.deep(levels[-1])
+        vector = self.vector(self.pool(top).flatten(1))
+        for lateral, merge, skip in zip(self.lateral, self.merge, reversed(levels[1:-1]), strict=True):
+            up = F.interpolate(lateral(top), size=skip.shape[-2:], mode="nearest")
+            top = merge(up + skip)
+        return self.maps(top), vector
+
+
+class LocalSuccess(nn.Module):
+    """Logit of p(S = 1 | i, h) from local evidence."""
+
+    def __init__(self, config: LocalConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.features = HandFeatures(config.hand)
+        self.points = HandPoints(config.evidence)
+        self.encoder = LocalEncoder(config)
+        self.from_image = nn.Linear(config.vector, config.widths[0], bias=False)
+        count = len(config.evidence.points)
+        looked_up = count * (len(config.evidence.scales) + config.surfaces)
+        looked_up += len(range(0, count, config.every)) * config.features
+        self.head = mlp((config.hand.width + looked_up, *config.widths, 1))
+
+    def encode(self, images: Float[Tensor, "b 1 height width"]) -> Context:
+        """Everything that depends on the image alone."""
+        depth = self.points.view.fill(images)
+        maps, vector = self.encoder(images, depth)
+        return Context(depth, maps, self.from_image(vector))
+
+    def forward(self, context: Context, hands: Hands) -> Float[Tensor, "b k"]:
+        """Logit for each image with each of its hands."""
+        first, *rest = self.head
+        inputs = torch.cat([self.features(hands), self.look_up(context, hands)], -1)
+        hidden: Tensor = first(inputs) + context.vector[:, None]
+        for layer in rest:
+            hidden = layer(hidden)
+        return hidden.squeeze(-1)
+
+    def look_up(self, context: Context, hands: Hands) -> Float[Tensor, "b k n"]:
+        """Local evidence of each hand."""
+        grid, depth = self.points(hands)
+        signed = depth - sample(context.depth, grid).squeeze(1)
+        maps = sample(context.maps, grid)
+        offsets, features = maps.split([self.config.surfaces, self.config.features], 1)
+        behind = torch.tanh((signed[:, None] - OFFSET_UNIT * offsets) / OFFSET_SCALE)
+        parts = [torch.tanh(signed / scale) for scale in self.config.evidence.scales]
+        parts += [_by_hand(behind), _by_hand(features[..., :: self.config.every])]
+        return torch.cat(parts, -1)
+
+
+def _by_hand(values: Float[Tensor, "b c k p"]) -> Float[Tensor, "b k c*p"]:
+    return values.transpose(1, 2).flatten(2)

@@ -1,0 +1,169 @@
+"""A trained model: the estimators of one preset, and the log-ratios they make for one image.
+
+    success     log p(S=1 | i, h)                           = log r(S=1, i | h) + a constant in h
+    image       log r(i | S=1, h) + log r(S=1 | h)          = log r(S=1, i | h)    (paper, eq. 4)
+    metric      log r(S=1 | h), no image
+    full        log p(S=1 | O, p_O, beta, mu, h)            = log r(S=1, O, p_O, beta, mu | h) + a constant in h
+
+Each is a callable on hands of any batch shape, differentiable in position and rotation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from bayesgrasp.errors import CheckpointError
+from bayesgrasp.ratio.estimators import ObjectState
+from bayesgrasp.types import Hands
+
+ROLES = ("metric", "image", "joint", "success", "full")
+
+
+@dataclass(frozen=True)
+class SuccessGivenImage:
+    """log p(S=1 | i, h) for one image."""
+
+    estimator: nn.Module
+    context: Any
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log success probability, which is the log-ratio up to log p(S=1 | i)."""
+        return F.logsigmoid(self.logit(hands))
+
+    def logit(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Logit of the success probability."""
+        value: Tensor = self.estimator(self.context, as_row(hands))
+        return value.reshape(hands.shape)
+
+
+@dataclass(frozen=True)
+class FactorisedRatio:
+    """log r(i | S=1, h) + log r(S=1 | h) for one image."""
+
+    image: nn.Module
+    metric: nn.Module
+    context: Any
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log r(S=1, i | h)."""
+        row = as_row(hands)
+        value: Tensor = self.image(self.context, row) + self.metric(torch.ones_like(row.position[..., 0]), row)
+        return value.reshape(hands.shape)
+
+
+@dataclass(frozen=True)
+class JointGivenImage:
+    """log r(S=1, i | h) by one network."""
+
+    estimator: nn.Module
+    context: Any
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log r(S=1, i | h)."""
+        row = as_row(hands)
+        value: Tensor = self.estimator(self.context, row, torch.ones_like(row.position[..., 0]))
+        return value.reshape(hands.shape)
+
+
+@dataclass(frozen=True)
+class MetricOnly:
+    """log r(S=1 | h)."""
+
+    estimator: nn.Module
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log r(S=1 | h)."""
+        value: Tensor = self.estimator(torch.ones_like(hands.position[..., 0]), hands)
+        return value
+
+
+@dataclass(frozen=True)
+class SuccessGivenObject:
+    """log p(S=1 | O, p_O, beta, mu, h) for one scene."""
+
+    estimator: nn.Module
+    index: Int[Tensor, "1"]
+    scale: Float[Tensor, "1"]
+    pose: Float[Tensor, "1 3"]
+    friction: float
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log success probability, which is the log-ratio up to a constant in h."""
+        row = as_row(hands)
+        friction = torch.full_like(row.position[..., 0], self.friction)
+        value = self.estimator(ObjectState(self.index, self.scale, self.pose, friction), row)
+        return F.logsigmoid(value).reshape(hands.shape)
+
+
+LogRatio = SuccessGivenImage | FactorisedRatio | JointGivenImage | MetricOnly | SuccessGivenObject
+
+
+@dataclass(frozen=True)
+class GraspModel:
+    """Estimators by role, in evaluation mode, and the card they came with.
+
+    Attributes:
+        estimators: Some of `ROLES`.
+        card: See `checkpoint.py`; empty for a model that was never saved.
+    """
+
+    estimators: Mapping[str, nn.Module]
+    card: Mapping[str, Any]
+
+    def given_image(self, image: Float[Tensor, "1 height width"]) -> SuccessGivenImage | FactorisedRatio:
+        """Log r(S=1, i | h) as a function of h, up to a constant, by the best estimator that the model has.
+
+        Args:
+            image: Depth image, metres, 0 = no return, as the network was trained on.
+
+        Raises:
+            CheckpointError: The model has no estimator for it.
+        """
+        if "success" in self.estimators:
+            return SuccessGivenImage(self.estimators["success"], self._encode("success", image))
+        image_ratio, metric = self._role("image"), self._role("metric")
+        return FactorisedRatio(image_ratio, metric, self._encode("image", image))
+
+    def given_image_jointly(self, image: Float[Tensor, "1 height width"]) -> JointGivenImage:
+        """The same by one network over (S, i), the ablation."""
+        return JointGivenImage(self._role("joint"), self._encode("joint", image))
+
+    def given_success(self) -> MetricOnly:
+        """Log r(S=1 | h)."""
+        return MetricOnly(self._role("metric"))
+
+    def given_object(
+        self, index: int, scale: float, pose: tuple[float, float, float], friction: float
+    ) -> SuccessGivenObject:
+        """Log r(S=1, O, p_O, beta, mu | h) as a function of h, up to a constant.
+
+        Args:
+            index: Mesh, in the order of the training data.
+            scale: beta.
+            pose: (x, y, yaw), metres and radians.
+            friction: Lateral friction coefficient.
+        """
+        known = torch.tensor([index]), torch.tensor([scale]), torch.tensor([pose])
+        return SuccessGivenObject(self._role("full"), *known, friction)
+
+    def _role(self, role: str) -> nn.Module:
+        if role not in self.estimators:
+            raise CheckpointError(f"this model has no {role!r} estimator; it has {', '.join(self.estimators)}")
+        return self.estimators[role]
+
+    def _encode(self, role: str, image: Tensor) -> Any:
+        with torch.no_grad():
+            return self._role(role).encode(image[None])  # type: ignore[operator]
+
+
+def as_row(hands: Hands) -> Hands:
+    """Hands of any batch shape as (1, n)."""
+    position, rotation = hands.position.reshape(1, -1, 3), hands.rotation.reshape(1, -1, 3, 3)
+    return Hands(position, rotation, hands.grasp_type.reshape(1, -1))
