@@ -22,13 +22,13 @@ import torch  # noqa: E402
 SHARED = Path(__file__).parents[2] / "shared"
 
 
-def _digest(value: object) -> str:
-    return hashlib.sha256(repr(value).encode()).hexdigest()[:16]
+def _digest(*parts: bytes) -> str:
+    return hashlib.sha256(b" ".join(parts)).hexdigest()[:16]
 
 
 def _numpy_stream() -> str:
-    with np.printoptions(threshold=sys.maxsize):
-        return _digest(np.random.get_state())  # noqa: NPY002
+    _, keys, position, _, _ = np.random.get_state(legacy=True)  # noqa: NPY002
+    return _digest(np.asarray(keys).tobytes(), str(position).encode())
 
 
 def _globals() -> dict[str, object]:
@@ -44,7 +44,7 @@ def _globals() -> dict[str, object]:
         "torch anomaly mode": torch.is_anomaly_enabled(),
         "torch deterministic": torch.are_deterministic_algorithms_enabled(),
         "torch matmul precision": torch.get_float32_matmul_precision(),
-        "torch random stream": hashlib.sha256(torch.get_rng_state().numpy().tobytes()).hexdigest()[:16],
+        "torch random stream": _digest(torch.get_rng_state().numpy().tobytes()),
         "numpy error handling": np.geterr(),
         "numpy print options": np.get_printoptions(),
         "numpy random stream": _numpy_stream(),

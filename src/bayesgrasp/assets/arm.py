@@ -28,9 +28,12 @@ Solver = Callable[[Float64[np.ndarray, "4 4"]], Sequence[Float64[np.ndarray, "6"
 
 # Unconfirmed: from the flange to the palm's origin; the palm's housing ends 78 mm behind that origin.
 PALM_DISTANCE = 0.0945
-BASE_POSITION = (-0.45, 0.0, 0.0)
+# On a pedestal behind the workspace. Of 2,500 hands of the prior (any collision of hand and table aside), 99.3 % have a
+# branch free of collision that also reaches 0.10 m back along the approach axis and 0.20 m up; without the pedestal
+# 96.4 %; 5 cm nearer 98.8 %, 5 cm farther 98.1 %.
+BASE_POSITION = (-0.45, 0.0, 0.10)
 BASE_YAW = math.pi  # at joint angle zero a UR arm stretches along its base's -x
-HOME: Six = (-0.37, -1.88, 1.25, 0.63 - math.pi / 2, -math.pi / 2, -0.37)
+HOME: Six = (-0.37, -2.0, 1.6, 0.4 - math.pi / 2, -math.pi / 2, -0.37)
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,8 @@ class ArmDescription:
             One row per branch, at most eight; none where the pose is out of reach or exactly singular.
         """
         near = self._home if reference is None else reference
+        if not np.isfinite(hand_to_world).all():
+            return np.zeros((0, JOINTS))
         branches = self.solver(self._world_to_base @ hand_to_world @ self._flange_to_hand)
         if len(branches) == 0:
             return np.zeros((0, JOINTS))

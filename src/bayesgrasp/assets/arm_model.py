@@ -35,7 +35,7 @@ class ArmServo:
     """
 
     stiffness: Six = (30000.0, 30000.0, 30000.0, 8000.0, 8000.0, 8000.0)
-    damping: Six = (1200.0, 1200.0, 900.0, 120.0, 120.0, 120.0)
+    damping: Six = (800.0, 800.0, 600.0, 90.0, 90.0, 90.0)
     armature: Six = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2)
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class Capsule:
 
 
 # Unconfirmed: measured off drawings of the CB3 arm; capsules stay inside the covers at joints that fold tightly.
-BASE = (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.03), 0.075),)
+BASE_RADIUS, BASE_HEIGHT = 0.075, 0.03
 LINKS: tuple[tuple[Capsule, ...], ...] = (
     (Capsule((0.0, 0.0, 0.0892), (0.0, -0.065, 0.0892), 0.058),),
     (
@@ -91,8 +91,9 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
     """Add the arm to the world of a specification.
 
     Bodies, joints and position actuators are named ``arm_1`` ... ``arm_6`` (control = joint angle, radians; force
-    limited to the joint's torque); the static base is ``arm_base``, collision capsules are ``arm_<link>_<index>`` in
-    geom group 3. Neighbouring links do not collide. Joint damping and friction are left to the servos.
+    limited to the joint's torque). The static base with its pedestal is ``arm_base``. Collision capsules are named
+    after their body with an index and belong to geom group 3; neighbouring links do not collide. A servo follows a
+    moving command with a lag of damping / stiffness, about 25 ms.
 
     Args:
         spec: Its angles must be in radians (``spec.compiler.degree = False``).
@@ -110,7 +111,8 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
         raise InvalidConfigurationError("the arm is described in radians: set spec.compiler.degree = False first")
     servo = servo or ArmServo()
     body = spec.worldbody.add_body(name="arm_base", **_pose(arm.base_to_world))
-    _add_capsules(body, "arm_base", BASE, _METAL)
+    pedestal = Capsule((0.0, 0.0, -arm.base_position[2]), (0.0, 0.0, BASE_HEIGHT), BASE_RADIUS)
+    _add_capsules(body, "arm_base", (pedestal,), _METAL)
     mount = np.eye(4)
     for joint in range(JOINTS):
         body = body.add_body(name=joint_name(joint), gravcomp=1.0, **_pose(mount))
