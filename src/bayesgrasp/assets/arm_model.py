@@ -1,9 +1,9 @@
 """The arm in physics: bodies, hinges, capsules and servos added to a MuJoCo specification.
 
 A link's body stands at the end of the link before it and turns about its own z axis, so that the Denavit-Hartenberg
-transforms of `bayesgrasp.assets.arm` are the bodies' poses without any further constant. Shapes are capsules around the
-UR5's tubes and joint housings; a link's mass is spread evenly over the volume of its capsules. The controller knows the
-arm's weight (gravity compensation on its links), as the real one does.
+transforms of `bayesgrasp.assets.arm` are the bodies' poses without any further constant. A link's mass is spread evenly
+over the volume of its capsules. The controller knows the arm's weight (gravity compensation on its links), as the real
+one does.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from bayesgrasp.assets.arm import JOINTS, ArmDescription, Six
+from bayesgrasp.assets.arm import JOINTS, ArmDescription, Capsule, Six
 from bayesgrasp.errors import InvalidConfigurationError
 
 COLLISION_GROUP = 3
 """Geom group of every collision shape, as for the gripper; contype and conaffinity are MuJoCo's default of 1."""
+
+BASE_RADIUS, BASE_HEIGHT = 0.075, 0.03
+"""Of the arm's foot, metres; a pedestal of the same radius reaches down to the table."""
 
 _METAL, _COVER = (0.72, 0.74, 0.76, 1.0), (0.35, 0.60, 0.80, 1.0)
 
@@ -42,44 +45,6 @@ class ArmServo:
         for name in ("stiffness", "damping", "armature"):
             if not all(math.isfinite(value) and value > 0 for value in getattr(self, name)):
                 raise InvalidConfigurationError(f"arm servo: {name} needs positive numbers, got {getattr(self, name)}")
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """A capsule between two points of a body's frame, metres."""
-
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
-    radius: float
-
-    @property
-    def volume(self) -> float:
-        """Cubic metres."""
-        return math.pi * self.radius**2 * (math.dist(self.start, self.end) + 4 / 3 * self.radius)
-
-
-# Unconfirmed: measured off drawings of the CB3 arm; capsules stay inside the covers at joints that fold tightly.
-BASE_RADIUS, BASE_HEIGHT = 0.075, 0.03
-LINKS: tuple[tuple[Capsule, ...], ...] = (
-    (Capsule((0.0, 0.0, 0.0892), (0.0, -0.065, 0.0892), 0.058),),
-    (
-        Capsule((0.0, 0.0, 0.1359), (-0.425, 0.0, 0.1359), 0.053),
-        Capsule((-0.425, 0.0, 0.07), (-0.425, 0.0, 0.1359), 0.053),
-    ),
-    (
-        Capsule((0.0, 0.0, 0.0162), (-0.3922, 0.0, 0.0162), 0.045),
-        Capsule((-0.3922, 0.0, 0.0162), (-0.3922, 0.0, 0.035), 0.040),
-    ),
-    (
-        Capsule((0.0, 0.0, 0.055), (0.0, 0.0, 0.1092), 0.040),
-        Capsule((0.0, 0.0, 0.1092), (0.0, -0.02, 0.1092), 0.038),
-    ),
-    (
-        Capsule((0.0, 0.0, 0.05), (0.0, 0.0, 0.0947), 0.040),
-        Capsule((0.0, 0.0, 0.0947), (0.0, 0.02, 0.0947), 0.038),
-    ),
-    (Capsule((0.0, 0.0, 0.04), (0.0, 0.0, 0.05), 0.035),),
-)
 
 
 def joint_name(joint: int) -> str:
@@ -117,9 +82,11 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
     for joint in range(JOINTS):
         body = body.add_body(name=joint_name(joint), gravcomp=1.0, **_pose(mount))
         _add_joint(spec, body, joint, arm, servo)
-        _add_capsules(body, joint_name(joint), LINKS[joint], _COVER if joint in (0, 4) else _METAL, arm.mass[joint])
+        _add_capsules(
+            body, joint_name(joint), arm.shapes[joint], _COVER if joint in (0, 4) else _METAL, arm.mass[joint]
+        )
         mount = arm.fixed_transforms[joint]
-    # The base is static, and MuJoCo spares children of static bodies no contact with them.
+    # MuJoCo leaves out contacts between parent and child, but not where the parent is static.
     spec.add_exclude(name="arm_base-arm_1", bodyname1="arm_base", bodyname2=joint_name(0))
     return body.add_body(name="arm_hand", **_pose(mount @ arm.hand_to_flange))
 
