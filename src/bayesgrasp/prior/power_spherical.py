@@ -138,7 +138,8 @@ def log_even_power(squared: Float[Tensor, "*batch"], kappa: float) -> Float[Tens
 
     It equals kappa log(1 + c) + softplus(-2 kappa artanh c) - log 2. The square root has no derivative at 0, so c^2 is
     moved by one machine epsilon, which changes the result by at most kappa^2 epsilon / 2. Rounding may take c^2 out
-    of [0, 1]: below, the function goes on along its tangent; above, the vanishing second term is held.
+    of [0, 1]: below, the function goes on along its tangent; above, the vanishing second term is held (for kappa < 2,
+    whose mode is a kink, the gradient at the mode itself leaves that term out).
     """
     epsilon = torch.finfo(squared.dtype).eps
     c = (squared.clamp(min=0) + epsilon).sqrt()
