@@ -1,0 +1,245 @@
+"""The grasp generative model p(S | h, O, p_O, nuisances): a lift test by a simulated arm and hand (section 4.1).
+
+An attempt runs through stages, and the first that decides names its outcome:
+
+1. the arm does not reach the pre-grasp, h, or the lifted hand: UNREACHABLE;
+2. the open hand overlaps the object or the table at h or on its straight way there: COLLISION;
+3. nothing that the hand can reach meets the object: NO_CONTACT (only with screening);
+4. no collision-free motion of the arm: UNREACHABLE;
+5. physics: NO_CONTACT, DROPPED, SUCCESS or DIVERGED.
+
+Screening (stage 3, and the table part of stage 2 for many attempts at once) changes the time that a decision takes,
+never the decision: without it physics runs instead and must come to the same outcome. A hand that can touch nothing
+is NO_CONTACT even if the arm would find no way there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float64, UInt8
+from scipy.spatial import ConvexHull
+
+from bayesgrasp.assets.arm import ArmDescription, ur5
+from bayesgrasp.assets.gripper import GripperDescription
+from bayesgrasp.assets.object_asset import ObjectAsset
+from bayesgrasp.assets.robotiq_3f import robotiq_3f
+from bayesgrasp.assets.scene import PhysicsConfig, planar_pose
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.simulators.execution import LiftConfig, Observer, Rig
+from bayesgrasp.simulators.planner import (
+    Motion,
+    MotionConfig,
+    hand_pose,
+    plan_motion,
+    reachable_branches,
+)
+from bayesgrasp.simulators.screening import CLEARANCE, HandAlone, HandKinematics, JointPath, below_table, out_of_reach
+from bayesgrasp.types import Attempts, GraspType, Outcome
+
+
+@dataclass(frozen=True)
+class LiftTestConfig:
+    """All parameters of the lift test; stored with every data set made by it."""
+
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    lift: LiftConfig = field(default_factory=LiftConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """Attempts in float64: rotations (n, 3, 3) and poses (n, 4, 4) hand_to_world, and planar object poses (n, 7)."""
+
+    rotation: Float64[np.ndarray, "n 3 3"]
+    hand_to_world: Float64[np.ndarray, "n 4 4"]
+    object_to_world: Float64[np.ndarray, "n 7"]
+
+    @staticmethod
+    def of(attempts: Attempts) -> _Poses:
+        hands = np.array(
+            [
+                hand_pose(p.astype(np.float64), q.astype(np.float64))
+                for p, q in zip(attempts.position, attempts.quaternion, strict=True)
+            ]
+        ).reshape(-1, 4, 4)
+        objects = np.array([planar_pose(*row.astype(np.float64)) for row in attempts.object_pose]).reshape(-1, 7)
+        return _Poses(np.ascontiguousarray(hands[:, :3, :3]), hands, objects)
+
+
+class _ObjectBench:
+    """Everything compiled for one object."""
+
+    def __init__(
+        self,
+        asset: ObjectAsset,
+        arm: ArmDescription,
+        gripper: GripperDescription,
+        closing: dict[GraspType, JointPath],
+        config: LiftTestConfig,
+    ) -> None:
+        self.hand = HandAlone(gripper, asset, closing)
+        self.rig = Rig(arm, gripper, asset, config.lift, config.physics)
+        points = np.concatenate([part.vertices for part in asset.parts])
+        self.hull = np.ascontiguousarray(points[ConvexHull(points).vertices])
+
+
+class LiftTest:
+    """Draws outcomes of attempts. One instance a process; models are compiled when an object is first met."""
+
+    def __init__(
+        self,
+        objects: Sequence[ObjectAsset],
+        config: LiftTestConfig | None = None,
+        screening: bool = True,
+        arm: ArmDescription | None = None,
+        gripper: GripperDescription | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            objects: What `Attempts.object_index` refers to, in order.
+            config: Motion, timing and numerics.
+            screening: Decide certain outcomes without physics.
+            arm: The UR5 by default.
+            gripper: The Robotiq 3-Finger by default.
+        """
+        self.objects = tuple(objects)
+        self.config = config or LiftTestConfig()
+        self.screening = screening
+        self.arm = arm or ur5()
+        self.gripper = gripper or robotiq_3f()
+        kinematics = HandKinematics(self.gripper)
+        drawback = self.config.motion.standoff
+        self._open = {g: kinematics.open_points(g) for g in GraspType}
+        self._reach = {g: kinematics.reach(g, drawback) for g in GraspType}
+        self._closing = {g: kinematics.free_closing(g, self.config.lift.control_period) for g in GraspType}
+        self._benches: dict[int, _ObjectBench] = {}
+
+    def run(self, attempts: Attempts) -> UInt8[np.ndarray, "n"]:
+        """The outcome of every attempt, as `Outcome` values; it depends on the attempt alone, not on its neighbours.
+
+        Raises:
+            InvalidConfigurationError: An attempt is not finite or names an object that is not there.
+        """
+        self._check(attempts)
+        poses = _Poses.of(attempts)
+        outcomes = np.full(len(attempts), Outcome.UNREACHABLE, dtype=np.uint8)
+        todo = np.array([self._reaches(pose) for pose in poses.hand_to_world], dtype=bool)
+        if self.screening:
+            outcomes[todo & self._hits_table(attempts, poses)] = Outcome.COLLISION
+            todo &= outcomes != Outcome.COLLISION
+            far = self._far_away(attempts, poses, todo)
+            outcomes[far] = Outcome.NO_CONTACT
+            todo &= ~far
+        for row in np.flatnonzero(todo):
+            outcomes[row] = self._decide(attempts, poses, int(row), None)
+        return outcomes
+
+    def observe(self, attempts: Attempts, observer: Observer) -> Outcome:
+        """The outcome of the first attempt, with every control period of its physics shown to an observer."""
+        poses = _Poses.of(attempts[:1])
+        if not self._reaches(poses.hand_to_world[0]):
+            return Outcome.UNREACHABLE
+        return self._decide(attempts, poses, 0, observer)
+
+    def feasible(self, attempts: Attempts) -> Bool[np.ndarray, "n"]:
+        """Whether the arm can bring the open hand to h: neither UNREACHABLE nor COLLISION."""
+        self._check(attempts)
+        poses = _Poses.of(attempts)
+        return np.array(
+            [
+                self._reaches(pose)
+                and self._approach_clearance(attempts, poses, row) >= 0.0
+                and self._plan(attempts, poses, row) is not None
+                for row, pose in enumerate(poses.hand_to_world)
+            ],
+            dtype=bool,
+        )
+
+    def _check(self, attempts: Attempts) -> None:
+        for name, column in attempts.columns().items():
+            if not np.isfinite(column).all():
+                row = int(np.flatnonzero(~np.isfinite(column).reshape(len(column), -1).all(axis=1))[0])
+                raise InvalidConfigurationError(f"attempt {row}: {name} is not finite")
+        index = attempts.object_index
+        if len(index) and not (index.min() >= 0 and index.max() < len(self.objects)):
+            raise InvalidConfigurationError(
+                f"object_index runs from {index.min()} to {index.max()}; the lift test has {len(self.objects)} objects"
+            )
+
+    def _bench(self, index: int) -> _ObjectBench:
+        if index not in self._benches:
+            self._benches[index] = _ObjectBench(self.objects[index], self.arm, self.gripper, self._closing, self.config)
+        return self._benches[index]
+
+    def _reaches(self, hand_to_world: Float64[np.ndarray, "4 4"]) -> bool:
+        return bool(reachable_branches(self.arm, hand_to_world, self.config.motion))
+
+    def _hits_table(self, attempts: Attempts, poses: _Poses) -> Bool[np.ndarray, "n"]:
+        """Heights are linear along the approach, so its two ends decide."""
+        hits = np.zeros(len(attempts), dtype=bool)
+        for grasp_type, (points, radii) in self._open.items():
+            rows = attempts.grasp_type == grasp_type
+            rotation, end = poses.rotation[rows], poses.hand_to_world[rows, :3, 3]
+            start = end - self.config.motion.standoff * rotation[:, :, 0]
+            hits[rows] = below_table(start, rotation, points, radii) | below_table(end, rotation, points, radii)
+        return hits
+
+    def _far_away(self, attempts: Attempts, poses: _Poses, todo: Bool[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
+        far = np.zeros(len(attempts), dtype=bool)
+        for index in np.unique(attempts.object_index[todo]):
+            hull = self._bench(int(index)).hull
+            for grasp_type, regions in self._reach.items():
+                rows = np.flatnonzero(todo & (attempts.object_index == index) & (attempts.grasp_type == grasp_type))
+                if len(rows):
+                    far[rows] = out_of_reach(_hull_in_hand(attempts[rows], poses, rows, hull), regions)
+        return far
+
+    def _decide(self, attempts: Attempts, poses: _Poses, row: int, observer: Observer | None) -> Outcome:
+        grasp_type, pose = GraspType(attempts.grasp_type[row]), poses.hand_to_world[row]
+        clearance = self._approach_clearance(attempts, poses, row)
+        if clearance < 0.0:
+            return Outcome.COLLISION
+        bench = self._bench(int(attempts.object_index[row]))
+        if self.screening and min(clearance, bench.hand.closing_clearance(pose, grasp_type)) >= CLEARANCE:
+            return Outcome.NO_CONTACT
+        motion = self._plan(attempts, poses, row)
+        outcome = bench.rig.execute(grasp_type, motion or self._forced_motion(pose), observer)
+        return outcome if motion is not None or outcome is Outcome.NO_CONTACT else Outcome.UNREACHABLE
+
+    def _approach_clearance(self, attempts: Attempts, poses: _Poses, row: int) -> float:
+        hand = self._bench(int(attempts.object_index[row])).hand
+        hand.object.set(*_properties(attempts, row))
+        hand.place(GraspType(attempts.grasp_type[row]), poses.object_to_world[row])
+        return hand.approach_clearance(poses.hand_to_world[row], self.config.motion.standoff)
+
+    def _plan(self, attempts: Attempts, poses: _Poses, row: int) -> Motion | None:
+        rig = self._bench(int(attempts.object_index[row])).rig
+        rig.prepare(GraspType(attempts.grasp_type[row]), poses.object_to_world[row], _properties(attempts, row))
+        return plan_motion(self.arm, poses.hand_to_world[row], self.config.motion, rig.collides)
+
+    def _forced_motion(self, hand_to_world: Float64[np.ndarray, "4 4"]) -> Motion:
+        """Ends of the lines only, whatever is in the way: to see whether the hand would touch anything at all."""
+        before, grasp, after = reachable_branches(self.arm, hand_to_world, self.config.motion)[0]
+        return Motion(before[None], np.stack([before, grasp]), np.stack([grasp, after]))
+
+
+def _properties(attempts: Attempts, row: int) -> tuple[float, float, float, float]:
+    columns = (attempts.scale, attempts.mass_factor, attempts.lateral_friction, attempts.spinning_friction)
+    scale, mass_factor, lateral, spinning = (float(column[row]) for column in columns)
+    return scale, mass_factor, lateral, spinning
+
+
+def _hull_in_hand(
+    attempts: Attempts, poses: _Poses, rows: np.ndarray, hull: Float64[np.ndarray, "vertices 3"]
+) -> Float64[np.ndarray, "rows vertices 3"]:
+    """Vertices of the objects' convex hulls in the hand frames, metres."""
+    x, y, yaw = attempts.object_pose.astype(np.float64).T
+    cos, sin, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
+    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=-1).reshape(-1, 3, 3)
+    world = attempts.scale.astype(np.float64)[:, None, None] * (hull @ turn.transpose(0, 2, 1))
+    world += np.stack([x, y, zero], axis=-1)[:, None, :]
+    return (world - poses.hand_to_world[rows, None, :3, 3]) @ poses.rotation[rows]
