@@ -1,0 +1,45 @@
+# `make demo` and `make test` are all that is needed: each sets up a virtual environment first, and is quick about it
+# when nothing changed.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.set-up
+OUT := out
+# Two test processes, each with one thread per library, fill two cores.
+WORKERS ?= 2
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+
+.PHONY: help demo test lint setup clean
+
+help:
+	@echo 'make demo    set up, then run lift tests on household objects and draw one: $(OUT)/demo.png'
+	@echo 'make test    set up, then check style, types and behaviour'
+	@echo 'make lint    set up, then check style and types only'
+	@echo 'make setup   only set up the virtual environment $(VENV)'
+	@echo 'make clean   remove the virtual environment and all caches of tools'
+
+demo: setup
+	@mkdir -p $(OUT)
+	$(BIN)/bayesgrasp simulate --attempts 2000 --split household --video $(OUT)/demo.png
+
+test: lint
+	$(ONE_THREAD) $(BIN)/pytest -q -n $(WORKERS) --dist worksteal
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt .ci/make-venv
+	.ci/make-venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

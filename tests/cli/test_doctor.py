@@ -1,0 +1,70 @@
+"""The doctor's report: true where it can be checked, in words where something is missing."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bayesgrasp.cli import doctor as module
+from bayesgrasp.cli.doctor import YCB_VARIABLE, doctor, examine
+
+
+@pytest.fixture(autouse=True)
+def _private_directories(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("BAYESGRASP_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.delenv(YCB_VARIABLE, raising=False)
+
+
+def test_versions_and_hardware() -> None:
+    report = examine()
+    assert report.packages["numpy"]
+    assert report.packages["mujoco"]
+    assert "pytest" not in report.packages
+    assert "ray" in report.optional
+    assert report.cores >= 1
+    assert report.memory > 2**27
+
+
+def test_the_cache_is_measured(tmp_path: Path) -> None:
+    (tmp_path / "cache" / "parts").mkdir(parents=True)
+    (tmp_path / "cache" / "parts" / "a").write_bytes(bytes(1000))
+    (tmp_path / "cache" / "b").write_bytes(bytes(24))
+    assert examine().cache == {"path": str(tmp_path / "cache"), "writable": True, "size": 1024}
+
+
+def test_a_cache_that_is_no_directory_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file")
+    report = examine()
+    assert not report.cache["writable"]
+    assert any("cannot be written" in sentence for sentence in report.missing)
+
+
+def test_ycb_scans_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert any(YCB_VARIABLE in sentence for sentence in examine().missing)
+    for name in ("002_a", "003_b"):
+        (tmp_path / "ycb" / name / "google_16k").mkdir(parents=True)
+    monkeypatch.setenv(YCB_VARIABLE, str(tmp_path / "ycb"))
+    report = examine()
+    assert report.ycb == {"path": str(tmp_path / "ycb"), "objects": 2}
+    assert not any(YCB_VARIABLE in sentence for sentence in report.missing)
+
+
+def test_an_empty_ycb_directory_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(YCB_VARIABLE, str(tmp_path / "nowhere"))
+    assert any("holds no object" in sentence for sentence in examine().missing)
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module.importlib.metadata, "requires", lambda _: ["numpy>=2", "nowhere", 'ray; extra == "ray"'])
+    report = examine()
+    assert report.packages["numpy"]
+    assert report.packages["nowhere"] is None
+    assert any("nowhere is not installed" in sentence for sentence in report.missing)
+
+
+def test_the_command_prints_words_and_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    doctor(json=tmp_path / "report.json")
+    report = json.loads((tmp_path / "report.json").read_text())
+    out = capsys.readouterr().out
+    assert report["packages"]["torch"] in out
+    assert all(sentence in out for sentence in report["missing"])
