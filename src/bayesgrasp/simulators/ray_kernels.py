@@ -1,0 +1,199 @@
+"""Compiled loops from a view of an object to what every pixel sees: which rays to cast, and their exact depths.
+
+All of it happens in the object frame at scale 1. The ray of pixel (u, v) is o + z M (u, v, 1), with z the depth in
+metres. A point on the plane n . p = c is seen at inverse depth
+
+    1 / z = n . M (u, v, 1) / (c - n . o),
+
+which is affine in (u, v). The table is the plane z = 0 in this frame too, so it needs no rays. An object can appear
+only inside the convex outline of its projected hull, and its shadow only inside the outline of hull and shadow.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, no_type_check
+
+import numpy as np
+from numba import njit  # type: ignore[import-untyped]
+
+TABLE = -1
+"""Plane index of the table."""
+NOWHERE = (0, 0, 0, 0)
+
+
+class View(NamedTuple):
+    """One camera looking at one object, in the object frame (scale 1).
+
+    Attributes:
+        ray_matrix: M above, (3, 3).
+        origin: o above, the camera, (3,).
+        projector: Position of the projector, (3,).
+    """
+
+    ray_matrix: np.ndarray
+    origin: np.ndarray
+    projector: np.ndarray
+
+
+class Region(NamedTuple):
+    """A rectangle of the image, and which plane is seen at each of its pixels.
+
+    Attributes:
+        row, column: The first pixel.
+        plane: Index of a triangle, or `TABLE`, int32 (rows, columns).
+        inverse_depth: 1 / m, float64 (rows, columns); at most 0 where nothing is seen.
+    """
+
+    row: int
+    column: int
+    plane: np.ndarray
+    inverse_depth: np.ndarray
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def inverse_depth_at(view, planes, plane, u, v):
+    """1 / depth of plane `plane` (`TABLE` for the table) along the ray of pixel (u, v)."""
+    m, o = view.ray_matrix, view.origin
+    dz = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+    if plane == TABLE:
+        return -dz / o[2]
+    dx = m[0, 0] * u + m[0, 1] * v + m[0, 2]
+    dy = m[1, 0] * u + m[1, 1] * v + m[1, 2]
+    a, b, c = planes[plane, 0], planes[plane, 1], planes[plane, 2]
+    return (a * dx + b * dy + c * dz) / (planes[plane, 3] - (a * o[0] + b * o[1] + c * o[2]))
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def cosine_at(view, planes, plane, u, v):
+    """Cosine of the tilt: between the normal of the plane, turned to the camera, and the ray of pixel (u, v)."""
+    m = view.ray_matrix
+    dx = m[0, 0] * u + m[0, 1] * v + m[0, 2]
+    dy = m[1, 0] * u + m[1, 1] * v + m[1, 2]
+    dz = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+    along = dz
+    if plane != TABLE:
+        along = planes[plane, 0] * dx + planes[plane, 1] * dy + planes[plane, 2] * dz
+    return abs(along) / np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def project_hull(view, hull, with_shadow):
+    """Pixels (u, v) of the hull, then of its shadow on the table; `valid` is false if one of them is not in front."""
+    inverse = np.linalg.inv(view.ray_matrix)
+    light = view.projector
+    count = len(hull)
+    pixels = np.empty((2 * count if with_shadow else count, 2))
+    valid = True
+    for i in range(len(pixels)):
+        point = hull[i % count].copy()
+        if i >= count:
+            drop = light[2] - point[2]
+            if drop <= 1e-3:
+                return pixels, False
+            stretch = max(light[2] / drop, 1.0)  # a vertex below the table casts no shadow on it
+            point = light + (point - light) * stretch
+        h = inverse @ (point - view.origin)
+        valid = valid and h[2] > 1e-2
+        pixels[i] = h[:2] / h[2]
+    return pixels, valid
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def outline(points):
+    """Corners of the convex outline of points (n, 2), in order (Andrew's monotone chain)."""
+    order = np.argsort(points[:, 0])
+    chain = np.empty((2 * len(points) + 1, 2))
+    size = 0
+    for half in range(2):
+        start = size
+        for i in range(len(order)):
+            p = points[order[i if half == 0 else len(order) - 1 - i]]
+            while size - start >= 2:
+                a, b = chain[size - 2], chain[size - 1]
+                if (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0:
+                    break
+                size -= 1
+            chain[size] = p
+            size += 1
+    return chain[:size]
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def row_spans(corners, height, width):
+    """First column and one past the last of every row in a convex outline and one pixel around it, (height, 2)."""
+    low, high = np.full(height, np.inf), np.full(height, -np.inf)
+    for i in range(len(corners)):
+        a, b = corners[i], corners[(i + 1) % len(corners)]
+        if a[1] > b[1]:
+            a, b = b, a
+        first, last = max(a[1], 0.0), min(b[1], height - 1.0)
+        for row in range(int(np.floor(first)), min(height - 1, int(np.ceil(last))) + 1):
+            at = min(max((row - a[1]) / max(b[1] - a[1], 1e-9), 0.0), 1.0)
+            u = a[0] + at * (b[0] - a[0])
+            low[row], high[row] = min(low[row], u - 1.0), max(high[row], u + 1.0)
+    spans = np.zeros((height, 2), np.int64)
+    for row in range(height):
+        if high[row] >= 0 and low[row] <= width - 1:
+            spans[row, 0] = max(0, int(np.floor(max(low[row], 0.0))))
+            spans[row, 1] = min(width, int(np.ceil(min(high[row], float(width)))) + 1)
+    return spans
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def bounding_box(spans, width, margin):
+    """(first row, end row, first column, end column) of the spans, widened by `margin` within the image."""
+    top, bottom, left, right = len(spans), -1, width, 0
+    for row in range(len(spans)):
+        if spans[row, 1] > spans[row, 0]:
+            top, bottom = min(top, row), row
+            left, right = min(left, spans[row, 0]), max(right, spans[row, 1])
+    if bottom < 0:
+        return NOWHERE
+    return max(0, top - margin), min(len(spans), bottom + 1 + margin), max(0, left - margin), min(width, right + margin)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def primary_rays(view, spans):
+    """Origins and directions (object frame, float32) of the rays of all pixels in the spans, row by row."""
+    count = 0
+    for row in range(len(spans)):
+        count += spans[row, 1] - spans[row, 0]
+    m, o = view.ray_matrix, view.origin
+    origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    i = 0
+    for row in range(len(spans)):
+        for column in range(spans[row, 0], spans[row, 1]):
+            for k in range(3):
+                origins[i, k] = o[k]
+                directions[i, k] = m[k, 0] * column + m[k, 1] * row + m[k, 2]
+            i += 1
+    return origins, directions
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def resolve(view, planes, spans, hits, box):
+    """The `Region` of a box: triangles that were hit, unless the table is in front, and the table elsewhere."""
+    top, bottom, left, right = box
+    plane = np.full((bottom - top, right - left), TABLE, np.int32)
+    inverse_depth = np.empty(plane.shape)
+    for row in range(top, bottom):
+        for column in range(left, right):
+            inverse_depth[row - top, column - left] = inverse_depth_at(view, planes, TABLE, column, row)
+    i = 0
+    for row in range(len(spans)):
+        for column in range(spans[row, 0], spans[row, 1]):
+            if hits[i] >= 0:
+                seen = inverse_depth_at(view, planes, hits[i], column, row)
+                if seen > inverse_depth[row - top, column - left]:
+                    inverse_depth[row - top, column - left] = seen
+                    plane[row - top, column - left] = hits[i]
+            i += 1
+    return Region(top, left, plane, inverse_depth)
