@@ -1,0 +1,210 @@
+"""Triangle meshes from files: read, judged, and made into closed surfaces wound outwards.
+
+Scans are seldom solids. In this order: equal vertices are merged and faces without area dropped; edges with more than
+two faces are taken apart by giving every fan of faces its own copy of the vertex; the winding is made consistent and
+turned outwards; small holes, and the flat gap at the bottom that a scanner cannot see, are filled; a surface that is
+still open (a bowl scanned from one side) becomes a shell of `SHELL_THICKNESS`.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float64, Int, Int32
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from bayesgrasp.errors import AssetError
+
+log = logging.getLogger(__name__)
+
+FORMATS = (".ply", ".stl", ".obj", ".off")
+SHELL_THICKNESS = 0.0015  # metres
+MIN_EXTENT, MAX_EXTENT = 0.003, 2.0  # metres: an object outside this range is not in metres, or not for a hand
+SMALL_HOLE = 0.1  # perimeter of a hole that is filled, as a share of the diagonal of the bounding box
+BOTTOM_SHARE = 0.1  # height of the band, as a share of the object's height, in which the gap below an object lies
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: Metres, in the frame of the file.
+        faces: Vertex indices, counter-clockwise seen from outside.
+    """
+
+    vertices: Float64[np.ndarray, "v 3"]
+    faces: Int32[np.ndarray, "f 3"]
+
+    @property
+    def extents(self) -> Float64[np.ndarray, "3"]:
+        """Lengths of the bounding box along the axes, metres."""
+        size: Float64[np.ndarray, "3"] = np.ptp(self.vertices, axis=0)
+        return size
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """The same mesh as a trimesh object, untouched."""
+        return trimesh.Trimesh(self.vertices, self.faces, process=False)
+
+
+def read_mesh(path: Path) -> Mesh:
+    """Read a mesh file in metres, and make it a closed surface wound outwards.
+
+    Raises:
+        AssetError: The file is missing, of another format, damaged, empty, not finite, flat, or not in metres.
+    """
+    if not path.is_file():
+        raise AssetError(f"there is no mesh file {path}")
+    if path.suffix.lower() not in FORMATS:
+        raise AssetError(f"{path}: cannot read a '{path.suffix}' mesh; valid are {', '.join(FORMATS)}")
+    try:
+        # Several unrelated parsers stand behind this call, each with its own way to fail on a damaged file.
+        loaded = trimesh.load_mesh(path, process=False, skip_materials=True)
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, NotImplementedError, OSError) as error:
+        raise AssetError(f"{path}: not a readable {path.suffix} mesh ({error})") from error
+    if not isinstance(loaded, trimesh.Trimesh):
+        raise AssetError(f"{path}: holds no triangle mesh")
+    mesh = Mesh(np.array(loaded.vertices, np.float64).reshape(-1, 3), np.array(loaded.faces, np.int32).reshape(-1, 3))
+    check(mesh, str(path))
+    return close(mesh)
+
+
+def check(mesh: Mesh, name: str) -> None:
+    """Refuse a mesh that no repair can save.
+
+    Raises:
+        AssetError: See `read_mesh`; ``name`` says where.
+    """
+    if len(mesh.faces) == 0:
+        raise AssetError(f"{name}: the mesh has no faces ({len(mesh.vertices)} vertices); a point cloud cannot be used")
+    bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
+    if bad:
+        raise AssetError(f"{name}: {bad} of {len(mesh.vertices)} vertices are not finite (NaN or infinite)")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise AssetError(f"{name}: faces name vertices outside 0..{len(mesh.vertices) - 1}")
+    size = np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0)
+    text = " x ".join(f"{s:.4g}" for s in size)
+    if size.max() > MAX_EXTENT or size.max() < MIN_EXTENT:
+        hint = "; it seems to be in millimetres, scale it by 0.001" if 3 < size.max() < 2000 else ""
+        raise AssetError(
+            f"{name}: extents {text} m; the largest must lie between {MIN_EXTENT} and {MAX_EXTENT} m{hint}"
+        )
+    if size.min() < 1e-4:
+        raise AssetError(f"{name}: the mesh is flat (extents {text} m); every extent must be at least 0.0001 m")
+
+
+def close(mesh: Mesh) -> Mesh:
+    """Repair a mesh as the module's docstring says; a closed, outward mesh comes back with the same surface."""
+    mesh = split_fans(_without_duplicates(mesh))
+    mesh = _wind(mesh)
+    loops = boundary_loops(mesh.faces)
+    if loops:
+        mesh = _fill(mesh, [loop for loop in loops if _can_fill(mesh, loop)])
+    if boundary_loops(mesh.faces):
+        log.warning("the mesh is open: it becomes a shell %.1f mm thick", 1000 * SHELL_THICKNESS)
+        mesh = _thicken(mesh)
+    return mesh if mesh.to_trimesh().volume >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy())
+
+
+def split_fans(mesh: Mesh) -> Mesh:
+    """Give every fan of faces around a vertex its own copy of it, where fans meet only across non-manifold edges.
+
+    Two corners at a vertex belong to one fan if their faces share an edge there that has exactly two faces.
+    """
+    n = len(mesh.faces)
+    corner = np.arange(3 * n).reshape(n, 3)
+    edges = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    at_start, at_end = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
+    swap = edges[:, 0] > edges[:, 1]
+    low, high = np.where(swap, at_end, at_start), np.where(swap, at_start, at_end)
+    _, edge, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    shared = np.flatnonzero(count[edge] == 2)
+    pairs = shared[np.argsort(edge[shared], kind="stable")].reshape(-1, 2)
+    i = np.concatenate([low[pairs[:, 0]], high[pairs[:, 0]]])
+    j = np.concatenate([low[pairs[:, 1]], high[pairs[:, 1]]])
+    fans, label = connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(3 * n, 3 * n)), directed=False)
+    vertices = np.empty((fans, 3))
+    vertices[label] = mesh.vertices[mesh.faces.reshape(-1)]
+    return Mesh(vertices, label.reshape(n, 3).astype(np.int32))
+
+
+def boundary_loops(faces: Int32[np.ndarray, "f 3"]) -> list[Int[np.ndarray, " n"]]:
+    """Closed chains of vertices along edges that have one face, in the direction of that face's winding."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    follow = {int(a): int(b) for a, b in edges[count[inverse] == 1]}
+    loops = []
+    while follow:
+        loop = [next(iter(follow))]
+        while (after := follow.pop(loop[-1], None)) is not None and after != loop[0]:
+            loop.append(after)
+        loops.append(np.array(loop))
+    return loops
+
+
+def _without_duplicates(mesh: Mesh) -> Mesh:
+    vertices, index = np.unique(np.round(mesh.vertices, 8), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[mesh.faces]
+    distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[distinct]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return Mesh(vertices, faces[np.sort(first)].astype(np.int32))
+
+
+def _wind(mesh: Mesh) -> Mesh:
+    """Wind neighbouring faces alike, and every body outwards; a body inside another one stays a cavity."""
+    solid = mesh.to_trimesh()
+    if not solid.is_winding_consistent:
+        trimesh.repair.fix_winding(solid)
+    faces = np.array(solid.faces, np.int32)
+    _, label = connected_components(
+        coo_matrix(
+            (np.ones(2 * len(faces)), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())),
+            shape=(len(mesh.vertices),) * 2,
+        ),
+        directed=False,
+    )
+    bodies = [np.flatnonzero(label[faces[:, 0]] == body) for body in np.unique(label[faces[:, 0]])]
+    boxes = [(mesh.vertices[faces[b]].min(axis=(0, 1)), mesh.vertices[faces[b]].max(axis=(0, 1))) for b in bodies]
+    for body, (low, high) in zip(bodies, boxes, strict=True):
+        inside = any((low > other_low).all() and (high < other_high).all() for other_low, other_high in boxes)
+        inward = Mesh(mesh.vertices - (low + high) / 2, faces[body]).to_trimesh().volume < 0
+        if inward and not inside:
+            faces[body] = faces[body][:, ::-1]
+    return Mesh(mesh.vertices, faces)
+
+
+def _can_fill(mesh: Mesh, loop: Int[np.ndarray, " n"]) -> bool:
+    points = mesh.vertices[loop]
+    perimeter = np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum()
+    band = mesh.vertices[:, 2].min() + BOTTOM_SHARE * mesh.extents[2]
+    return bool(perimeter < SMALL_HOLE * np.linalg.norm(mesh.extents) or points[:, 2].max() < band)
+
+
+def _fill(mesh: Mesh, loops: list[Int[np.ndarray, " n"]]) -> Mesh:
+    """Close each loop by a fan of triangles around its centre."""
+    vertices, faces = [mesh.vertices], [mesh.faces]
+    count = len(mesh.vertices)
+    for loop in loops:
+        centre = np.full(len(loop), count)
+        vertices.append(mesh.vertices[loop].mean(axis=0, keepdims=True))
+        faces.append(np.stack([np.roll(loop, -1), loop, centre], axis=1).astype(np.int32))
+        count += 1
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _thicken(mesh: Mesh) -> Mesh:
+    """Half the thickness to each side along the vertex normals, and a strip along every boundary edge."""
+    normals = np.array(mesh.to_trimesh().vertex_normals)
+    offset, n = SHELL_THICKNESS / 2 * normals, len(mesh.vertices)
+    strips = []
+    for loop in boundary_loops(mesh.faces):
+        after = np.roll(loop, -1)
+        strips += [np.stack([after, loop, loop + n], axis=1), np.stack([after, loop + n, after + n], axis=1)]
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + n, *strips]).astype(np.int32)
+    return Mesh(np.concatenate([mesh.vertices + offset, mesh.vertices - offset]), faces)

@@ -1,0 +1,108 @@
+"""Objects made ready once: convex parts and resting pose, kept by the content of what they were made from.
+
+The key is a hash of the mesh's vertices and faces, the configuration, and the versions of this code and of the
+library that cut it. A file appears under its name only when complete (written aside, then renamed), and a lock beside
+it lets one process build while the others wait for the result. A damaged file is built again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import logging
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from filelock import FileLock
+from jaxtyping import Float64
+
+from bayesgrasp.assets.cache import cache_directory
+from bayesgrasp.assets.convex import ALGORITHM_VERSION, DEFAULT, ConvexConfig, ConvexPart, decompose
+from bayesgrasp.assets.mesh import Mesh
+from bayesgrasp.assets.object_asset import mass_properties
+from bayesgrasp.assets.resting import settle
+
+log = logging.getLogger(__name__)
+
+LIBRARIES = {"coacd": "coacd", "vhacd": "vhacdx"}
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What is expensive to find out about a mesh, in the frame of its file.
+
+    Attributes:
+        parts: Convex parts.
+        mesh_to_object: Resting pose (see `resting.settle`).
+    """
+
+    parts: tuple[ConvexPart, ...]
+    mesh_to_object: Float64[np.ndarray, "4 4"]
+
+
+def prepare(mesh: Mesh, name: str, config: ConvexConfig = DEFAULT) -> Prepared:
+    """Convex parts and resting pose of a mesh, from the cache or built now.
+
+    Args:
+        mesh: A closed mesh.
+        name: What to call it in the log.
+        config: How to cut it.
+    """
+    return _cached(entry(mesh, config), lambda: _build(mesh, config), name)
+
+
+def entry(mesh: Mesh, config: ConvexConfig = DEFAULT) -> Path:
+    """The cache file of a mesh, existing or not."""
+    library = LIBRARIES[config.algorithm]
+    digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes())
+    digest.update(f"{config} {ALGORITHM_VERSION} {library} {importlib.metadata.version(library)}".encode())
+    return cache_directory() / "objects" / f"{digest.hexdigest()[:32]}.npz"
+
+
+def _build(mesh: Mesh, config: ConvexConfig) -> Prepared:
+    parts = decompose(mesh.vertices, mesh.faces, config)
+    return Prepared(parts, settle(parts, mass_properties(parts)[0]))
+
+
+def _cached(path: Path, build: Callable[[], Prepared], name: str) -> Prepared:
+    if (found := _read(path)) is not None:
+        return found
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(path.with_suffix(".lock")):
+        if (found := _read(path)) is not None:
+            return found
+        log.warning("%s: cutting the mesh into convex parts, once (seconds to a minute)", name)
+        built = build()
+        _write(path, built)
+    return built
+
+
+def _read(path: Path) -> Prepared | None:
+    try:
+        with np.load(path) as data:
+            cuts, first = data["vertex_counts"].cumsum()[:-1], data["face_counts"].cumsum()[:-1]
+            pieces = zip(np.split(data["vertices"], cuts), np.split(data["faces"], first), strict=True)
+            return Prepared(tuple(ConvexPart(v, f) for v, f in pieces), data["mesh_to_object"])
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        log.warning("%s is damaged and will be built again", path)
+        return None
+
+
+def _write(path: Path, prepared: Prepared) -> None:
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as aside:
+        np.savez(
+            aside,
+            vertices=np.concatenate([part.vertices for part in prepared.parts]),
+            faces=np.concatenate([part.faces for part in prepared.parts]),
+            vertex_counts=np.array([len(part.vertices) for part in prepared.parts]),
+            face_counts=np.array([len(part.faces) for part in prepared.parts]),
+            mesh_to_object=prepared.mesh_to_object,
+        )
+    os.replace(aside.name, path)
