@@ -37,7 +37,7 @@ class LiftConfig:
 
     Attributes:
         approach_time: Seconds from the pre-grasp to h.
-        closing_limit: Seconds after which closing ends even if a motor still creeps.
+        closing_limit: Seconds after which the lift begins even if a motor still moves; it goes on moving then.
         lift_time: Seconds of the rise.
         hold_time: Seconds of standing still after it.
         settle_time: Seconds after closing and before the lift.
@@ -47,8 +47,8 @@ class LiftConfig:
         largest_speed: Metres per second; an object faster than this means that the simulation diverged.
     """
 
-    approach_time: float = 0.4
-    closing_limit: float = 3.0
+    approach_time: float = 0.3
+    closing_limit: float = 1.5
     lift_time: float = 0.5
     hold_time: float = 0.4
     settle_time: float = 0.05

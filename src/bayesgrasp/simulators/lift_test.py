@@ -2,15 +2,16 @@
 
 An attempt runs through stages, and the first that decides names its outcome:
 
-1. the arm does not reach the pre-grasp, h, or the lifted hand: UNREACHABLE;
-2. the open hand overlaps the object or the table at h or on its straight way there: COLLISION;
+1. the open hand reaches below the table at h or on its straight way there: COLLISION;
+2. the arm does not reach the pre-grasp, h, or the lifted hand: UNREACHABLE;
 3. nothing that the hand can reach meets the object: NO_CONTACT (only with screening);
-4. no collision-free motion of the arm: UNREACHABLE;
-5. physics: NO_CONTACT, DROPPED, SUCCESS or DIVERGED.
+4. the open hand overlaps the object at h or on its straight way there: COLLISION;
+5. the hand closes without coming near the object or the table: NO_CONTACT (only with screening);
+6. no collision-free motion of the arm: UNREACHABLE;
+7. physics: NO_CONTACT, DROPPED, SUCCESS or DIVERGED.
 
-Screening (stage 3, and the table part of stage 2 for many attempts at once) changes the time that a decision takes,
-never the decision: without it physics runs instead and must come to the same outcome. A hand that can touch nothing
-is NO_CONTACT even if the arm would find no way there.
+Screening changes the time that a decision takes, never the decision: without it physics runs instead and must come to
+the same outcome. A hand that can touch nothing is NO_CONTACT even if the arm would find no way there.
 """
 
 from __future__ import annotations
@@ -126,11 +127,12 @@ class LiftTest:
         """
         self._check(attempts)
         poses = _Poses.of(attempts)
-        outcomes = np.full(len(attempts), Outcome.UNREACHABLE, dtype=np.uint8)
-        todo = np.array([self._reaches(pose) for pose in poses.hand_to_world], dtype=bool)
+        outcomes = np.full(len(attempts), Outcome.COLLISION, dtype=np.uint8)
+        todo = ~self._hits_table(attempts, poses)
+        for row in np.flatnonzero(todo):
+            todo[row] = self._reaches(poses.hand_to_world[row])
+            outcomes[row] = Outcome.UNREACHABLE
         if self.screening:
-            outcomes[todo & self._hits_table(attempts, poses)] = Outcome.COLLISION
-            todo &= outcomes != Outcome.COLLISION
             far = self._far_away(attempts, poses, todo)
             outcomes[far] = Outcome.NO_CONTACT
             todo &= ~far
@@ -141,6 +143,8 @@ class LiftTest:
     def observe(self, attempts: Attempts, observer: Observer) -> Outcome:
         """The outcome of the first attempt, with every control period of its physics shown to an observer."""
         poses = _Poses.of(attempts[:1])
+        if self._hits_table(attempts[:1], poses)[0]:
+            return Outcome.COLLISION
         if not self._reaches(poses.hand_to_world[0]):
             return Outcome.UNREACHABLE
         return self._decide(attempts, poses, 0, observer)
@@ -149,9 +153,11 @@ class LiftTest:
         """Whether the arm can bring the open hand to h: neither UNREACHABLE nor COLLISION."""
         self._check(attempts)
         poses = _Poses.of(attempts)
+        above = ~self._hits_table(attempts, poses)
         return np.array(
             [
-                self._reaches(pose)
+                above[row]
+                and self._reaches(pose)
                 and self._approach_clearance(attempts, poses, row) >= 0.0
                 and self._plan(attempts, poses, row) is not None
                 for row, pose in enumerate(poses.hand_to_world)
