@@ -5,14 +5,15 @@ from pathlib import Path
 
 import pytest
 
+from bayesgrasp.assets.ycb import DIRECTORY_VARIABLE
 from bayesgrasp.cli import doctor as module
-from bayesgrasp.cli.doctor import YCB_VARIABLE, doctor, examine
+from bayesgrasp.cli.doctor import doctor, examine
 
 
 @pytest.fixture(autouse=True)
 def _private_directories(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("BAYESGRASP_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.delenv(YCB_VARIABLE, raising=False)
+    monkeypatch.delenv(DIRECTORY_VARIABLE, raising=False)
 
 
 def test_versions_and_hardware() -> None:
@@ -40,18 +41,22 @@ def test_a_cache_that_is_no_directory_is_reported(tmp_path: Path) -> None:
 
 
 def test_ycb_scans_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    assert any(YCB_VARIABLE in sentence for sentence in examine().missing)
+    assert any(DIRECTORY_VARIABLE in sentence for sentence in examine().missing)
     for name in ("002_a", "003_b"):
         (tmp_path / "ycb" / name / "google_16k").mkdir(parents=True)
-    monkeypatch.setenv(YCB_VARIABLE, str(tmp_path / "ycb"))
+        (tmp_path / "ycb" / name / "google_16k" / "nontextured.ply").touch()
+    monkeypatch.setenv(DIRECTORY_VARIABLE, str(tmp_path / "ycb"))
     report = examine()
     assert report.ycb == {"path": str(tmp_path / "ycb"), "objects": 2}
-    assert not any(YCB_VARIABLE in sentence for sentence in report.missing)
+    assert not any("YCB" in sentence for sentence in report.missing)
 
 
-def test_an_empty_ycb_directory_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(YCB_VARIABLE, str(tmp_path / "nowhere"))
-    assert any("holds no object" in sentence for sentence in examine().missing)
+@pytest.mark.parametrize("name", ["nowhere", "."])
+def test_a_ycb_directory_without_scans_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str) -> None:
+    monkeypatch.setenv(DIRECTORY_VARIABLE, str(tmp_path / name))
+    report = examine()
+    assert report.ycb is None
+    assert any(DIRECTORY_VARIABLE in sentence and str(tmp_path) in sentence for sentence in report.missing)
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

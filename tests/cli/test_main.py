@@ -120,6 +120,12 @@ def test_our_errors_become_one_line(command: dict[str, object], capsys: pytest.C
     assert capsys.readouterr().err == "error: no object 'x'; there are 'a' and 'b'\n"
 
 
+def test_a_file_that_cannot_be_opened_is_named(command: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    command["raise"] = FileNotFoundError(2, "No such file or directory", "nowhere/report.json")
+    assert run_in_process(["act"]) == 2
+    assert capsys.readouterr().err == "error: nowhere/report.json: No such file or directory\n"
+
+
 def test_an_interruption_leaves_with_130(command: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
     command["raise"] = KeyboardInterrupt()
     assert run_in_process(["act"]) == 130
@@ -127,9 +133,10 @@ def test_an_interruption_leaves_with_130(command: dict[str, object], capsys: pyt
 
 
 def test_errors_that_are_not_ours_are_not_hidden(command: dict[str, object]) -> None:
-    command["raise"] = ZeroDivisionError("a bug")
-    with pytest.raises(ZeroDivisionError):
-        main(["act"])
+    for bug in (ZeroDivisionError("a bug"), OSError("a failure without a file")):
+        command["raise"] = bug
+        with pytest.raises(type(bug)):
+            main(["act"])
 
 
 @pytest.mark.parametrize(("words", "level"), [([], logging.WARNING), (["--verbose"], logging.INFO)])

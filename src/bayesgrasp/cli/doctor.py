@@ -11,8 +11,6 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
-YCB_VARIABLE = "BAYESGRASP_YCB_DIR"
-
 
 @dataclass(frozen=True)
 class Report:
@@ -60,7 +58,8 @@ def doctor(json: Path | None = None) -> None:
 def examine() -> Report:
     """Look at this machine and this environment."""
     packages, optional = _versions()
-    gpu, cache, ycb, model = _gpu(packages.get("torch")), _cache(), _ycb(), _has_model()
+    gpu, cache, model = _gpu(packages.get("torch")), _cache(), _has_model()
+    ycb, ycb_advice = _ycb()
     return Report(
         python=platform.python_version(),
         platform=f"{platform.system()} {platform.release()}, {platform.machine()}",
@@ -72,7 +71,7 @@ def examine() -> Report:
         cache=cache,
         ycb=ycb,
         model=model,
-        missing=list(_advice(packages, optional, gpu, cache, ycb, model)),
+        missing=list(_advice(packages, optional, gpu, cache, ycb_advice, model)),
     )
 
 
@@ -117,11 +116,19 @@ def _can_write(path: Path) -> bool:
     return path.is_dir() and os.access(path, os.W_OK)
 
 
-def _ycb() -> dict[str, Any] | None:
-    if not (named := os.environ.get(YCB_VARIABLE)):
-        return None
-    path = Path(named).expanduser()
-    return {"path": str(path), "objects": len(list(path.glob("*/google_16k"))) if path.is_dir() else 0}
+def _ycb() -> tuple[dict[str, Any] | None, str | None]:
+    """The directory of scans with the number of objects in it, or advice."""
+    from bayesgrasp.assets import ycb
+    from bayesgrasp.errors import AssetError
+
+    try:
+        path = ycb.directory()
+    except AssetError as error:
+        return None, f"YCB scans: {error}."
+    if path is None:
+        advice = f"No YCB scans: name their directory in {ycb.DIRECTORY_VARIABLE}; the household objects need none."
+        return None, advice
+    return {"path": str(path), "objects": len(ycb.scans(path))}, None
 
 
 def _has_model() -> bool:
@@ -134,7 +141,7 @@ def _advice(
     optional: dict[str, str | None],
     gpu: str | None,
     cache: dict[str, Any],
-    ycb: dict[str, Any] | None,
+    ycb: str | None,
     model: bool,
 ) -> Iterator[str]:
     for name in (name for name, version in packages.items() if version is None):
@@ -145,10 +152,8 @@ def _advice(
         yield "No CUDA device: everything runs on the processor; only training would gain much from a GPU."
     if not cache["writable"]:
         yield f"The cache {cache['path']} cannot be written: name another directory in BAYESGRASP_CACHE_DIR."
-    if ycb is None:
-        yield f"No YCB scans: name their directory in {YCB_VARIABLE}; the household objects need none."
-    elif not ycb["objects"]:
-        yield f"{YCB_VARIABLE} names {ycb['path']}, which holds no object as <id>/google_16k."
+    if ycb is not None:
+        yield ycb
     if not model:
         yield "No trained model ships with this installation: planning needs one made by training."
 

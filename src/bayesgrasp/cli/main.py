@@ -55,6 +55,12 @@ def main(args: Sequence[str] | None = None) -> None:
     except BayesgraspError as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(EXIT_ERROR) from error
+    except OSError as error:
+        # A file that the user named; without a name it is a failure of ours, whose traceback is wanted.
+        if error.filename is None:
+            raise
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        raise SystemExit(EXIT_ERROR) from error
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         raise SystemExit(EXIT_INTERRUPTED) from None
