@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import trimesh
 from jaxtyping import Bool, Float, Float64, Int32
 from scipy.spatial import ConvexHull, QhullError
 
+from bayesgrasp.assets.mesh import signed_volume
 from bayesgrasp.errors import AssetError, InvalidConfigurationError
 
 log = logging.getLogger(__name__)
@@ -127,7 +127,7 @@ def _part_or_none(piece: Float64[np.ndarray, "n 3"], config: ConvexConfig) -> Co
         part = hull_part(piece, config.max_vertices, config.tolerance_m)
     except AssetError:
         return None
-    return part if trimesh.Trimesh(part.vertices, part.faces, process=False).volume > MIN_PART_VOLUME else None
+    return part if signed_volume(part.vertices[part.faces]) > MIN_PART_VOLUME else None
 
 
 def _thin(

@@ -26,6 +26,7 @@ FORMATS = (".ply", ".stl", ".obj", ".off")
 SHELL_THICKNESS = 0.0015  # metres
 MIN_EXTENT, MAX_EXTENT = 0.003, 2.0  # metres: an object outside this range is not in metres, or not for a hand
 SMALL_HOLE = 0.1  # perimeter of a hole that is filled, as a share of the diagonal of the bounding box
+DEBRIS = 1e-3  # share of the surface below which a separate body is dropped
 BOTTOM_SHARE = 0.1  # height of the band, as a share of the object's height, in which the gap below an object lies
 
 
@@ -46,6 +47,11 @@ class Mesh:
         """Lengths of the bounding box along the axes, metres."""
         size: Float64[np.ndarray, "3"] = np.ptp(self.vertices, axis=0)
         return size
+
+    @property
+    def volume(self) -> float:
+        """Signed volume, m^3: negative if wound inwards; only a closed mesh has a meaningful one."""
+        return signed_volume(self.vertices[self.faces])
 
     def to_trimesh(self) -> trimesh.Trimesh:
         """The same mesh as a trimesh object, untouched."""
@@ -100,15 +106,14 @@ def check(mesh: Mesh, name: str) -> None:
 
 def close(mesh: Mesh) -> Mesh:
     """Repair a mesh as the module's docstring says; a closed, outward mesh comes back with the same surface."""
-    mesh = split_fans(_without_duplicates(mesh))
-    mesh = _wind(mesh)
+    mesh = _wind(_without_debris(split_fans(_without_duplicates(mesh))))
     loops = boundary_loops(mesh.faces)
     if loops:
         mesh = _fill(mesh, [loop for loop in loops if _can_fill(mesh, loop)])
     if boundary_loops(mesh.faces):
         log.warning("the mesh is open: it becomes a shell %.1f mm thick", 1000 * SHELL_THICKNESS)
         mesh = _thicken(mesh)
-    return mesh if mesh.to_trimesh().volume >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy())
+    return mesh if mesh.volume >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy())
 
 
 def split_fans(mesh: Mesh) -> Mesh:
@@ -156,25 +161,48 @@ def _without_duplicates(mesh: Mesh) -> Mesh:
     return Mesh(vertices, faces[np.sort(first)].astype(np.int32))
 
 
+def signed_volume(triangles: Float64[np.ndarray, "f 3 3"]) -> float:
+    """Volume enclosed by triangles, m^3, negative if they are wound inwards."""
+    a, b, c = (triangles[:, k] - triangles[:, 0].mean(axis=0) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def _bodies(mesh: Mesh) -> list[Int[np.ndarray, " n"]]:
+    """Indices of the faces of each connected body."""
+    count = len(mesh.vertices)
+    starts, ends = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
+    _, label = connected_components(coo_matrix((np.ones(len(starts)), (starts, ends)), shape=(count, count)))
+    of_face = label[mesh.faces[:, 0]]
+    order = np.argsort(of_face, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(of_face[order])) + 1)
+
+
+def _without_debris(mesh: Mesh) -> Mesh:
+    """Drop bodies with a negligible share of the surface: flaps of two or three faces that scans shed."""
+    area = np.linalg.norm(_normals(mesh), axis=1)
+    bodies = [body for body in _bodies(mesh) if area[body].sum() > DEBRIS * area.sum()]
+    used, faces = np.unique(mesh.faces[np.sort(np.concatenate(bodies))], return_inverse=True)
+    return Mesh(mesh.vertices[used], faces.reshape(-1, 3).astype(np.int32))
+
+
+def _normals(mesh: Mesh) -> Float64[np.ndarray, "f 3"]:
+    """Normals of the faces, as long as twice their area."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
 def _wind(mesh: Mesh) -> Mesh:
     """Wind neighbouring faces alike, and every body outwards; a body inside another one stays a cavity."""
     solid = mesh.to_trimesh()
     if not solid.is_winding_consistent:
         trimesh.repair.fix_winding(solid)
     faces = np.array(solid.faces, np.int32)
-    _, label = connected_components(
-        coo_matrix(
-            (np.ones(2 * len(faces)), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())),
-            shape=(len(mesh.vertices),) * 2,
-        ),
-        directed=False,
-    )
-    bodies = [np.flatnonzero(label[faces[:, 0]] == body) for body in np.unique(label[faces[:, 0]])]
-    boxes = [(mesh.vertices[faces[b]].min(axis=(0, 1)), mesh.vertices[faces[b]].max(axis=(0, 1))) for b in bodies]
+    bodies = _bodies(mesh)
+    corners = [mesh.vertices[faces[body]].reshape(-1, 3) for body in bodies]
+    boxes = [(points.min(axis=0), points.max(axis=0)) for points in corners]
     for body, (low, high) in zip(bodies, boxes, strict=True):
         inside = any((low > other_low).all() and (high < other_high).all() for other_low, other_high in boxes)
-        inward = Mesh(mesh.vertices - (low + high) / 2, faces[body]).to_trimesh().volume < 0
-        if inward and not inside:
+        if not inside and signed_volume(mesh.vertices[faces[body]]) < 0:
             faces[body] = faces[body][:, ::-1]
     return Mesh(mesh.vertices, faces)
 
@@ -200,7 +228,9 @@ def _fill(mesh: Mesh, loops: list[Int[np.ndarray, " n"]]) -> Mesh:
 
 def _thicken(mesh: Mesh) -> Mesh:
     """Half the thickness to each side along the vertex normals, and a strip along every boundary edge."""
-    normals = np.array(mesh.to_trimesh().vertex_normals)
+    normals = np.zeros_like(mesh.vertices)
+    np.add.at(normals, mesh.faces.reshape(-1), np.repeat(_normals(mesh), 3, axis=0))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
     offset, n = SHELL_THICKNESS / 2 * normals, len(mesh.vertices)
     strips = []
     for loop in boundary_loops(mesh.faces):
