@@ -19,6 +19,8 @@ jaxtyping.install_import_hook("bayesgrasp", "beartype.beartype")
 
 import torch  # noqa: E402
 
+SET_BY_OTHERS = frozenset({"PYTEST_CURRENT_TEST", "TORCHINDUCTOR_CACHE_DIR"})
+"""Variables that pytest, and torch when its first optimiser is built, set by themselves."""
 SHARED = Path(__file__).parents[2] / "shared"
 
 
@@ -49,7 +51,7 @@ def _globals() -> dict[str, object]:
         "numpy print options": np.get_printoptions(),
         "numpy random stream": _numpy_stream(),
         "working directory": os.getcwd(),
-        "environment": {k: v for k, v in os.environ.items() if k != "PYTEST_CURRENT_TEST"},
+        "environment": {k: v for k, v in os.environ.items() if k not in SET_BY_OTHERS},
     }
 
 

@@ -4,15 +4,17 @@ The hands of a scene come from attempts on the same mesh and scale, moved into t
 `docs/method.md`). One encoding of the image is shared by its K hands, since the convolutions cost a thousand times
 more than the head.
 
-`weight` makes the K hands of a scene stand for p(h, S | scene): for any function f, the weighted mean of f(h, S) over
-hands and scenes is an estimate of its mean under h ~ p(h), S ~ p(S | h, scene), up to one common factor.
+Two weights go with a hand, for two uses:
+
+* `weight` makes the hands of all scenes stand for p(h, O, p_O) p(S | h, O, p_O): what ratios of densities need;
+* `selection_weight` undoes only the choice of hands by their outcome: enough for p(S = 1 | i, h), which is the same
+  whatever law the pairs (i, h) come from, and of less variance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
@@ -21,6 +23,7 @@ from torch import Tensor
 from bayesgrasp.types import Hands
 
 
+@runtime_checkable
 class Batch(Protocol):
     """B scenes with K hands each; tensors on one device. The loader's own class and `TensorBatch` both fit."""
 
@@ -37,6 +40,11 @@ class Batch(Protocol):
     @property
     def weight(self) -> Tensor:
         """Importance weight of each hand, not negative, 0 for padding, (B, K) float32."""
+        ...
+
+    @property
+    def selection_weight(self) -> Tensor:
+        """The weight of its selection alone, 0 for padding, (B, K) float32."""
         ...
 
     @property
@@ -72,6 +80,7 @@ class TensorBatch:
     hands: Hands
     success: Float[Tensor, "b k"]
     weight: Float[Tensor, "b k"]
+    selection_weight: Float[Tensor, "b k"]
     images: Float[Tensor, "b 1 height width"]
     object_index: Int[Tensor, "b"]
     scale: Float[Tensor, "b"]
@@ -83,6 +92,7 @@ class TensorBatch:
             self.hands[index],
             self.success[index],
             self.weight[index],
+            self.selection_weight[index],
             self.images[index],
             self.object_index[index],
             self.scale[index],
@@ -91,16 +101,13 @@ class TensorBatch:
         )
 
 
-Batches = Callable[[int], Iterable[Batch]]
-"""Epoch number -> the batches of that epoch, the same ones whenever it is asked again."""
-
-
 def on_device(batch: Batch, device: torch.device) -> TensorBatch:
     """The batch on another device, hands and labels in float32."""
     return TensorBatch(
         batch.hands.to(device, torch.float32),
         batch.success.to(device, torch.float32),
         batch.weight.to(device, torch.float32),
+        batch.selection_weight.to(device, torch.float32),
         batch.images.to(device),
         batch.object_index.to(device),
         batch.scale.to(device),

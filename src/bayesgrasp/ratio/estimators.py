@@ -85,12 +85,12 @@ class _OnImage(nn.Module):
         self.from_image = nn.Linear(config.encoder.width, config.widths[0], bias=False)
         self.head = mlp((config.hand.width + self.extra, *config.widths, 1))
 
-    def encode(self, images: Float[Tensor, "b 1 height width"]) -> Float[Tensor, "b width"]:
+    def encode(self, images: Float[Tensor, "b 1 height width"]) -> Float[Tensor, "b features"]:
         """The image's share of the first layer."""
         context: Tensor = self.from_image(self.encoder(images))
         return context
 
-    def score(self, context: Float[Tensor, "b width"], inputs: Float[Tensor, "b k n"]) -> Float[Tensor, "b k"]:
+    def score(self, context: Float[Tensor, "b features"], inputs: Float[Tensor, "b k n"]) -> Float[Tensor, "b k"]:
         """The head on hand vectors and whatever stands beside them."""
         first, *rest = self.head
         hidden: Tensor = first(inputs) + context[:, None]
@@ -102,7 +102,7 @@ class _OnImage(nn.Module):
 class ImageRatio(_OnImage):
     """d_theta: log r(i | S=1, h) = log p(i | S=1, h) - log p(i | S=1)."""
 
-    def forward(self, context: Float[Tensor, "b width"], hands: Hands) -> Float[Tensor, "b k"]:
+    def forward(self, context: Float[Tensor, "b features"], hands: Hands) -> Float[Tensor, "b k"]:
         """Log-ratio of each image with each of its hands."""
         return self.score(context, self.features(hands))
 
@@ -110,7 +110,7 @@ class ImageRatio(_OnImage):
 class GlobalSuccess(_OnImage):
     """Logit of p(S = 1 | i, h) on one global image vector."""
 
-    def forward(self, context: Float[Tensor, "b width"], hands: Hands) -> Float[Tensor, "b k"]:
+    def forward(self, context: Float[Tensor, "b features"], hands: Hands) -> Float[Tensor, "b k"]:
         """Logit for each image with each of its hands."""
         return self.score(context, self.features(hands))
 
@@ -121,7 +121,7 @@ class JointRatio(_OnImage):
     extra = 1
 
     def forward(
-        self, context: Float[Tensor, "b width"], hands: Hands, success: Float[Tensor, "b k"]
+        self, context: Float[Tensor, "b features"], hands: Hands, success: Float[Tensor, "b k"]
     ) -> Float[Tensor, "b k"]:
         """Log-ratio of each image and S (0 or 1) with each of its hands."""
         return self.score(context, torch.cat([self.features(hands), 2.0 * success[..., None] - 1.0], -1))

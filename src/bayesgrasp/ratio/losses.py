@@ -15,7 +15,6 @@ Every mean is a weighted mean: sum(w x) / sum(w).
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -24,7 +23,7 @@ from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 
-Criterion = Literal["nre-a", "balanced", "nre-c"]
+CRITERIA = ("nre-a", "balanced", "nre-c")
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,13 @@ class LossConfig:
         gamma: Prior odds of "some draw is joint" in NRE-C.
     """
 
-    criterion: Criterion = "nre-a"
+    criterion: str = "nre-a"
     balance: float = 100.0
     gamma: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.criterion not in ("nre-a", "balanced", "nre-c"):
-            raise InvalidConfigurationError(f"criterion must be nre-a, balanced or nre-c, got {self.criterion!r}")
+        if self.criterion not in CRITERIA:
+            raise InvalidConfigurationError(f"criterion must be one of {', '.join(CRITERIA)}, got {self.criterion!r}")
         if self.balance < 0 or self.gamma <= 0:
             raise InvalidConfigurationError(
                 f"need balance >= 0 and gamma > 0, got balance={self.balance}, gamma={self.gamma}"
@@ -104,8 +103,8 @@ def nre_c(
 ) -> Float[Tensor, ""]:
     """Contrastive loss: M hands for one condition, one of which is joint, or none.
 
-    Each joint draw of a row stands beside M - 1 marginal ones of the row; "none" is all M marginal ones. A weighted
-    marginal draw counts as often as its weight says.
+    "None" is all M marginal draws of the row; each joint draw takes the place of the first of them. A weighted
+    marginal draw counts as often as its weight says; with equal weights the minimiser is exact.
 
     Args:
         joint: Log-ratios of joint draws for the condition of the row.
@@ -114,12 +113,17 @@ def nre_c(
         marginal_weight: Their weights; only their proportions within the row matter.
         gamma: Prior odds of "one of the draws is joint".
     """
-    draws = marginal.shape[-1]
-    tiny = torch.finfo(marginal.dtype).tiny
-    share = marginal_weight / marginal_weight.sum(-1, keepdim=True).clamp_min(tiny)
-    mean = torch.logsumexp(marginal + share.clamp_min(tiny).log(), -1, keepdim=True) + math.log(gamma)
-    none = torch.full_like(mean, math.log(draws))
-    log_none = none - torch.logaddexp(none, mean + math.log(draws))
-    others = torch.logaddexp(none, mean + math.log(draws - 1))
-    log_joint = joint + math.log(gamma) - torch.logaddexp(joint + math.log(gamma), others)
+    none = torch.full_like(joint[:, :1], math.log(marginal.shape[-1]))
+    log_gamma = math.log(gamma)
+    log_none = none - torch.logaddexp(none, log_gamma + _log_sum(marginal, marginal_weight))
+    others = torch.logaddexp(none, log_gamma + _log_sum(marginal[:, 1:], marginal_weight[:, 1:]))
+    log_joint = joint + log_gamma - torch.logaddexp(joint + log_gamma, others)
     return -weighted_mean(log_none + gamma * log_joint, joint_weight) / (1.0 + gamma)
+
+
+def _log_sum(values: Float[Tensor, "b m"], weight: Float[Tensor, "b m"]) -> Float[Tensor, "b 1"]:
+    """Log of the sum of exp(values), as if each of the m draws occurred in proportion to its weight."""
+    tiny = torch.finfo(values.dtype).tiny
+    share = weight / weight.sum(-1, keepdim=True).clamp_min(tiny)
+    total: Tensor = torch.logsumexp(values + share.clamp_min(tiny).log(), -1, keepdim=True)
+    return total + math.log(values.shape[-1])

@@ -10,7 +10,7 @@ Since S is binary, d_phi is trained with S = 0 and S = 1 equally often in both c
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -23,6 +23,7 @@ from bayesgrasp.ratio.losses import LossConfig, balanced_nre, nre_a, nre_c, succ
 from bayesgrasp.types import Hands
 
 
+@runtime_checkable
 class Objective(Protocol):
     """The loss of an estimator on a batch."""
 
@@ -76,7 +77,7 @@ class SuccessObjective:
 
     def loss(self, logit: Float[Tensor, "b k"], batch: TensorBatch) -> Float[Tensor, ""]:
         """Emphasised cross-entropy, given the logits of p(S = 1 | ., h)."""
-        weight = batch.weight * (1.0 + (self.emphasis - 1.0) * batch.success)
+        weight = batch.selection_weight * (1.0 + (self.emphasis - 1.0) * batch.success)
         return success_loss(logit.float() + math.log(self.emphasis), batch.success, weight)
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from torch import nn
@@ -33,6 +33,7 @@ logger = logging.getLogger(__name__)
 VALIDATION_STREAM = 2**31
 
 
+@runtime_checkable
 class Source(Protocol):
     """Batches by epoch: the same ones, in the same order, whenever an epoch is asked for again."""
 

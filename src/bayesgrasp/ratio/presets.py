@@ -1,0 +1,114 @@
+"""What is trained: the estimators of each preset with their objectives and schedules.
+
+    paper   d_phi and d_theta as the paper describes them; every width and schedule that it leaves open is here
+    best    p(S=1 | i, h) from local evidence, and d_phi for the strategies without an image
+
+Both may be followed by the full-observation estimator (the ideal rows of the paper's table); the joint ratio is the
+ablation that the paper argues against.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig
+from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
+from bayesgrasp.ratio.layers import ConvConfig, HandConfig
+from bayesgrasp.ratio.local import LocalConfig
+from bayesgrasp.ratio.losses import LossConfig
+from bayesgrasp.ratio.objectives import (
+    FullObjective,
+    ImageObjective,
+    JointObjective,
+    MetricObjective,
+    Objective,
+    SuccessObjective,
+)
+from bayesgrasp.ratio.train import TrainConfig
+
+PresetName = Literal["paper", "best"]
+Role = Literal["metric", "image", "joint", "success", "full"]
+
+DEFAULT_ROLES: dict[str, tuple[Role, ...]] = {"paper": ("metric", "image"), "best": ("metric", "success")}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the estimators must fit: the prior's support, the image, the set of meshes.
+
+    Attributes:
+        low, high: Support of the prior's positions, metres.
+        view: The canonical camera at the network's image size.
+        objects: Number of meshes.
+    """
+
+    low: tuple[float, float, float] = (-0.15, -0.15, 0.12)
+    high: tuple[float, float, float] = (0.15, 0.15, 0.34)
+    view: ViewConfig = field(default_factory=canonical_view)
+    objects: int = 24
+
+    def hand(self, embedding: int) -> HandConfig:
+        """The hand as a vector, with an embedding of the type of this length."""
+        return HandConfig(self.low, self.high, embedding)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One estimator of a preset.
+
+    Attributes:
+        role: What it is for (`model.ROLES`).
+        kind: Its architecture (`kinds.KINDS`).
+        config: Of the architecture.
+        objective: Its loss.
+        train: Its schedule.
+        needs_images: Whether its batches must have images.
+    """
+
+    role: Role
+    kind: str
+    config: object
+    objective: Objective
+    train: TrainConfig
+    needs_images: bool = True
+
+
+def preset(
+    name: PresetName,
+    setup: Setup,
+    roles: Sequence[Role] | None = None,
+    criterion: LossConfig | None = None,
+    train: TrainConfig | None = None,
+) -> tuple[Part, ...]:
+    """The parts of a preset.
+
+    Args:
+        name: ``paper`` or ``best``.
+        setup: What the estimators must fit.
+        roles: Which estimators; those of `DEFAULT_ROLES` if None.
+        criterion: Of the likelihood-to-evidence ratios; NRE-A, the paper's, if None.
+        train: Schedule of the estimators with images; the others take the same with twice the learning rate.
+
+    Raises:
+        InvalidConfigurationError: No such preset.
+    """
+    if name not in DEFAULT_ROLES:
+        raise InvalidConfigurationError(f"there is no preset {name!r}; choose from {', '.join(DEFAULT_ROLES)}")
+    criterion, train = criterion or LossConfig(), train or TrainConfig()
+    fast = replace(train, learning_rate=2 * train.learning_rate)
+    image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)))
+    if name == "paper":
+        success = Part("success", "global", image, SuccessObjective(), train)
+    else:
+        local = LocalConfig(setup.hand(4), PointsConfig(setup.view))
+        success = Part("success", "local", local, SuccessObjective(), train)
+    full = FullConfig(setup.hand(4), setup.objects)
+    parts = {
+        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), fast, False),
+        "image": Part("image", "image", image, ImageObjective(criterion), train),
+        "joint": Part("joint", "joint", image, JointObjective(criterion), train),
+        "success": success,
+        "full": Part("full", "full", full, FullObjective(), fast, False),
+    }
+    return tuple(parts[role] for role in (DEFAULT_ROLES[name] if roles is None else roles))

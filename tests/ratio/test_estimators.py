@@ -1,0 +1,170 @@
+"""Estimators as functions on R^3 x SO(3) x G: shapes, the double cover, independence of hands, gradients."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry import so3
+from bayesgrasp.ratio.batch import TensorBatch
+from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig, ObjectState, in_object_frame
+from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
+from bayesgrasp.ratio.layers import ConvConfig, HandConfig, HandFeatures
+from bayesgrasp.ratio.local import LocalConfig
+from bayesgrasp.ratio.model import GraspModel, LogRatio
+from bayesgrasp.types import Hands
+
+MakeBatch = Callable[..., TensorBatch]
+MakeHands = Callable[..., Hands]
+
+
+@pytest.fixture
+def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
+    config = ImageConfig(encoder=encoder, widths=(16, 16))
+    configs = {"metric": MetricConfig(), "image": config, "joint": config, "full": FullConfig(objects=3)}
+    estimators = {role: build(role, value) for role, value in configs.items()} | {"success": build("local", local)}
+    return GraspModel({role: module.eval().requires_grad_(False) for role, module in estimators.items()}, {})
+
+
+def every_ratio(model: GraspModel, image: torch.Tensor) -> dict[str, LogRatio]:
+    paper = GraspModel({role: model.estimators[role] for role in ("metric", "image")}, {})
+    return {
+        "success": model.given_image(image),
+        "factorised": paper.given_image(image),
+        "joint": model.given_image_jointly(image),
+        "metric": model.given_success(),
+        "full": model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8),
+    }
+
+
+NAMES = ["success", "factorised", "joint", "metric", "full"]
+
+
+@pytest.fixture(autouse=True)
+def _own_stream() -> object:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        yield
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(), (1,), (5,), (2, 3), (0,)])
+def test_any_batch_shape(
+    name: str, shape: tuple[int, ...], model: GraspModel, batch: MakeBatch, hands: MakeHands, rng: torch.Generator
+) -> None:
+    values = every_ratio(model, batch(1, 1, 0).images[0])[name](hands(shape, rng))
+    assert values.shape == shape
+    assert values.isfinite().all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_value_does_not_depend_on_the_other_hands(
+    name: str, model: GraspModel, batch: MakeBatch, hands: MakeHands, rng: torch.Generator
+) -> None:
+    ratio, many = every_ratio(model, batch(1, 1, 0).images[0])[name], hands((7,), rng)
+    one_by_one = torch.stack([ratio(many[i]) for i in range(7)])
+    torch.testing.assert_close(ratio(many), one_by_one, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_rotation_and_its_antipodal_quaternion_have_one_value(
+    name: str, model: GraspModel, batch: MakeBatch, hands: MakeHands, rng: torch.Generator
+) -> None:
+    ratio, some = every_ratio(model, batch(1, 1, 0).images[0])[name], hands((6,), rng)
+    q = so3.matrix_to_quaternion(some.rotation)
+    values = [ratio(Hands(some.position, so3.quaternion_to_matrix(s * q), some.grasp_type)) for s in (1.0, -1.0)]
+    assert torch.equal(values[0], values[1])
+    assert values[0].std() > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gradient_along_geodesics(
+    name: str, model: GraspModel, batch: MakeBatch, hands: MakeHands, rng: torch.Generator
+) -> None:
+    """Autograd against central differences, in double precision."""
+    for module in model.estimators.values():
+        module.double()
+    image = batch(1, 1, 0).images[0].double()
+    image = image + 0.02 * torch.rand(image.shape, generator=rng, dtype=torch.float64)
+    # Above the table and in view: where a look-up leaves the image the value has kinks.
+    some = hands((4,), rng, torch.float64)
+    some = Hands(some.position * 0.3 + torch.tensor([0.0, 0.0, 0.1]).double(), some.rotation, some.grasp_type)
+    ratio = every_ratio(model, image)[name] if name != "full" else _double_full(model)
+    direction = torch.randn(4, 6, generator=rng, dtype=torch.float64) * torch.tensor([0.1] * 3 + [1.0] * 3).double()
+
+    def along(t: torch.Tensor) -> torch.Tensor:
+        turned = some.rotation @ so3.exp(t[:, None] * direction[:, 3:])
+        return ratio(Hands(some.position + t[:, None] * direction[:, :3], turned, some.grasp_type))
+
+    t = torch.zeros(4, dtype=torch.float64, requires_grad=True)
+    (slope,) = torch.autograd.grad(along(t).sum(), t)
+    step = torch.full((4,), 1e-7, dtype=torch.float64)
+    with torch.no_grad():
+        difference = (along(step) - along(-step)) / (2 * step)
+    torch.testing.assert_close(slope, difference, rtol=1e-3, atol=1e-6)
+
+
+def _double_full(model: GraspModel) -> LogRatio:
+    known = model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8)
+    return type(known)(known.estimator, known.index, known.scale.double(), known.pose.double(), known.friction)
+
+
+def test_the_hand_enters_as_thirteen_numbers_scaled_to_the_prior() -> None:
+    config = HandConfig()
+    corner = Hands(torch.tensor(config.high), torch.eye(3), torch.tensor(1))
+    vector = HandFeatures(config)(corner)
+    assert vector.shape == (13,)
+    torch.testing.assert_close(vector[:3], torch.ones(3))
+    torch.testing.assert_close(vector[3:12], torch.eye(3).flatten())
+
+
+def test_object_frame_features_do_not_change_when_hand_and_object_move_together(
+    hands: MakeHands, rng: torch.Generator
+) -> None:
+    some, ones = hands((1, 5), rng), torch.ones(1, 5)
+    still = ObjectState(torch.tensor([0]), torch.tensor([1.1]), torch.tensor([[0.01, 0.02, 0.3]]), ones)
+    turn = so3.exp(torch.tensor([0.0, 0.0, 1.2]))
+    shift = torch.tensor([0.03, -0.02, 0.0])
+    place = turn @ torch.tensor([0.01, 0.02, 0.0]) + shift
+    pose = torch.tensor([[place[0], place[1], 1.5]])
+    moved = Hands((turn @ some.position[..., None]).squeeze(-1) + shift, turn @ some.rotation, some.grasp_type)
+    after = in_object_frame(ObjectState(still.index, still.scale, pose, ones), moved)
+    torch.testing.assert_close(after, in_object_frame(still, some), atol=1e-5, rtol=1e-5)
+
+
+def test_local_evidence_sees_an_obstacle_only_where_the_hand_is(local: LocalConfig) -> None:
+    """A patch of the image changes the look-up of the hand over it, and leaves the raw look-up of another one."""
+    estimator = build("local", local).eval()
+    plane = estimator.points.view.fill(torch.zeros(1, 1, 32, 48))
+    bump = plane.clone()
+    bump[..., 14:18, 22:26] -= 0.1
+    down = torch.tensor([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    hands = Hands(
+        torch.tensor([[[0.0, 0.0, 0.2], [0.0, -0.15, 0.2]]]), down.expand(1, 2, 3, 3), torch.zeros(1, 2).long()
+    )
+    raw = len(local.evidence.points) * len(local.evidence.scales)
+    with torch.no_grad():
+        change = [estimator.look_up(estimator.encode(image), hands)[0, :, :raw] for image in (plane, bump)]
+    difference = (change[0] - change[1]).abs().amax(-1)
+    assert difference[0] > 0.5
+    assert difference[1] < 1e-4
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_configurations_survive_json(kind: str) -> None:
+    import json
+
+    config = KINDS[kind].config()
+    assert config_from_dict(kind, json.loads(json.dumps(config_to_dict(config)))) == config
+
+
+def test_wrong_configurations_are_refused() -> None:
+    with pytest.raises(InvalidConfigurationError, match="widths"):
+        MetricConfig(widths=())
+    with pytest.raises(InvalidConfigurationError, match="low < high"):
+        HandConfig(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0))
+    with pytest.raises(InvalidConfigurationError, match="choose from"):
+        build("transformer", MetricConfig())
+    with pytest.raises(InvalidConfigurationError, match="needs a ImageConfig"):
+        build("image", MetricConfig())
