@@ -1,0 +1,189 @@
+"""A pool of worker processes that survives the death of a worker, and ends with its owner.
+
+Each worker talks to the owner through a pipe of its own and holds no other end of any pipe. So a worker that is killed
+(the kernel's memory killer is the usual one) is noticed by its sentinel, replaced, and its task given out again; and a
+worker whose owner is killed reads an end of file and leaves. `concurrent.futures` gives up in the first case and leaves
+orphans in the second.
+
+Results come back as they are ready. Nothing may depend on their order.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, Generic, Protocol, TypeVar
+
+import torch
+
+from bayesgrasp.errors import BayesgraspError, DataError, InvalidConfigurationError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+Work = Callable[[Task], Result]
+Run = Callable[[Iterable[Task]], Iterator[Result]]
+"""Tasks in, results out as they are ready."""
+
+
+class Executor(Protocol):
+    """Where work is done."""
+
+    def start(self, build: Callable[[], Work[Task, Result]]) -> AbstractContextManager[Run[Task, Result]]:
+        """Start workers; each calls ``build`` once and then the function it returns for every task it gets."""
+        ...
+
+
+class InProcess:
+    """Does the work in the calling process, one task after another."""
+
+    @contextmanager
+    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[Run[Task, Result]]:
+        """See `Executor`."""
+        work = build()
+        yield lambda tasks: map(work, tasks)
+
+
+@dataclass(frozen=True)
+class LocalPool:
+    """Worker processes on this machine.
+
+    Attributes:
+        workers: How many.
+        attempts: How often one task may lose its worker before the run gives up.
+
+    Raises:
+        InvalidConfigurationError: No workers.
+    """
+
+    workers: int
+    attempts: int = 3
+
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise InvalidConfigurationError(f"workers must be at least 1, got {self.workers}")
+
+    @contextmanager
+    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[Run[Task, Result]]:
+        """See `Executor`. ``build`` and what it closes over must be picklable."""
+        crew = [_Worker(build) for _ in range(self.workers)]
+        try:
+            yield lambda tasks: _Shift(crew, self.attempts, deque(tasks)).results()
+        finally:
+            for worker in crew:
+                worker.stop()
+
+
+class _Worker(Generic[Task, Result]):
+    """One process and the task it is at."""
+
+    def __init__(self, build: Callable[[], Work[Task, Result]]) -> None:
+        self.build = build
+        self.task: Task | None = None
+        self.process: SpawnProcess
+        self.pipe: Connection
+        self.launch()
+
+    def launch(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, self.build), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    def give(self, task: Task) -> None:
+        self.task = task
+        try:
+            self.pipe.send(task)
+        except (BrokenPipeError, ConnectionResetError):
+            return  # dead already: its sentinel says so
+
+    def stop(self) -> None:
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join()
+        self.process.close()
+
+
+@dataclass
+class _Shift(Generic[Task, Result]):
+    """One pass over the tasks."""
+
+    crew: list[_Worker[Task, Result]]
+    attempts: int
+    tasks: deque[Task]
+    losses: dict[int, int] = field(default_factory=dict)
+
+    def results(self) -> Iterator[Result]:
+        try:
+            while self.tasks or any(w.task is not None for w in self.crew):
+                for worker in self.crew:
+                    if worker.task is None and self.tasks:
+                        worker.give(self.tasks.popleft())
+                yield from self._collect()
+        finally:
+            for worker in self.crew:  # left in the middle: what is under way is not wanted any more
+                if worker.task is not None:
+                    worker.task = None
+                    worker.stop()
+                    worker.launch()
+
+    def _collect(self) -> Iterator[Result]:
+        busy = [w for w in self.crew if w.task is not None]
+        ready = wait([w.pipe for w in busy] + [w.process.sentinel for w in busy])
+        for worker in busy:
+            if worker.pipe in ready or worker.process.sentinel in ready:
+                yield from self._receive(worker)
+
+    def _receive(self, worker: _Worker[Task, Result]) -> Iterator[Result]:
+        try:
+            answer = worker.pipe.recv()
+        except (EOFError, ConnectionResetError):
+            self._replace(worker)
+            return
+        worker.task = None
+        if isinstance(answer, BayesgraspError):
+            raise answer
+        yield answer
+
+    def _replace(self, worker: _Worker[Task, Result]) -> None:
+        """Put a new process in the place of a dead one and its task back to the front."""
+        task, worker.task = worker.task, None
+        worker.process.join()
+        code = worker.process.exitcode
+        worker.stop()
+        if code is not None and code >= 0:
+            worker.launch()
+            raise DataError(f"a worker failed (exit code {code}) on {task}; its own message is above")
+        worker.launch()
+        key = id(task)
+        self.losses[key] = self.losses.get(key, 0) + 1
+        if task is None or self.losses[key] >= self.attempts:
+            raise DataError(f"{task} lost its worker {self.attempts} times (signal {-(code or 0)}); out of memory?")
+        self.tasks.appendleft(task)
+
+
+def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:
+    """What a worker process does: build once, then answer tasks until the owner is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's to handle
+    torch.set_num_threads(1)
+    work: Work[Any, Any] | None = None
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            return
+        try:
+            work = work or build()
+            answer = work(task)
+        except BayesgraspError as error:
+            answer = error
+        try:
+            pipe.send(answer)
+        except (BrokenPipeError, ConnectionResetError):
+            return
