@@ -87,6 +87,16 @@ def test_a_reference_at_the_limit_still_gives_angles_within_it() -> None:
     np.testing.assert_allclose(ARM.forward_kinematics(solutions) - pose, 0.0, atol=1e-9)
 
 
+def test_rotations_rounded_to_float32_lose_no_solution(capfd: pytest.CaptureFixture[str]) -> None:
+    for q in random_angles(100, seed=4):
+        pose = ARM.forward_kinematics(q)
+        rounded = pose.astype(np.float32).astype(np.float64)
+        solutions = ARM.inverse_kinematics(rounded)
+        assert len(solutions) == len(ARM.inverse_kinematics(pose)) > 0
+        np.testing.assert_allclose(ARM.forward_kinematics(solutions) - rounded, 0.0, atol=1e-6)
+    assert capfd.readouterr().out == ""
+
+
 @pytest.mark.parametrize(
     "pose",
     [hand_pose((3.0, 0.0, 0.2)), hand_pose((-0.45, 0.0, 0.2)), np.full((4, 4), np.nan), np.full((4, 4), np.inf)],
