@@ -43,7 +43,7 @@ class AscentConfig:
     """How to search for the MAP; the defaults are those of Algorithm 2 (20 steps, one start per type).
 
     Attributes:
-        starts_per_type: Ascents per grasp type; their starts are the best of as many disjoint parts of the draws.
+        starts_per_type: Ascents per grasp type, see `starting_points`.
         steps: Largest number of conjugate-gradient steps.
         space: The metric.
         first_step: Length of the first trial displacement, radians.
@@ -97,36 +97,34 @@ class Ascents:
 
 
 def with_every_type(hands: Hands) -> Hands:
-    """The same poses under each grasp type: batch shape (3, n)."""
-    n, types = len(hands.grasp_type), len(GraspType)
-    return Hands(
-        hands.position.expand(types, n, 3),
-        hands.rotation.expand(types, n, 3, 3),
-        torch.arange(types, device=hands.grasp_type.device)[:, None].expand(types, n),
-    )
+    """The same poses under each grasp type: (n,) hands become (3 n,)."""
+    n, types = len(hands.grasp_type), torch.arange(len(GraspType), device=hands.grasp_type.device)
+    repeat = torch.arange(n, device=types.device).repeat(len(types))
+    return Hands(hands.position[repeat], hands.rotation[repeat], types.repeat_interleave(n))
 
 
-def starting_points(potential: Potential, poses: Hands, per_type: int = 1) -> Hands:
-    """The best poses under each grasp type (Algorithm 2, initial iterates).
+def starting_points(hands: Hands, value: Float[Tensor, "n"], per_type: int = 1) -> Hands:
+    """The best hands of each grasp type (Algorithm 2, initial iterates).
 
     Args:
-        potential: What is to be minimised.
-        poses: Draws of (x, R) from the prior; their own types are ignored. (n,)
-        per_type: Starts per type. The draws are cut into as many parts and the best of each is taken, so the best of
-            all is always among them and the others come from elsewhere.
+        hands: Candidates, (n,).
+        value: The potential of each.
+        per_type: Starts per type. The candidates are dealt into as many parts and the best of each is taken, so the
+            best of all is always among them and the others come from elsewhere.
 
     Returns:
-        Hands of batch shape (3 * per_type,).
+        At most 3 * per_type hands; fewer where a part has no candidate of some type with a finite value.
+
+    Raises:
+        InvalidConfigurationError: No candidate has a finite value.
     """
-    part = len(poses.grasp_type) // per_type
-    if part == 0:
-        raise InvalidConfigurationError(f"{len(poses.grasp_type)} poses are too few for {per_type} starts per type")
-    candidates = with_every_type(poses[: part * per_type])
-    values = potential(candidates).reshape(len(GraspType), per_type, part)
-    offset = part * torch.arange(per_type, device=values.device)
-    column = values.argmin(-1) + offset
-    chosen = candidates[torch.arange(len(GraspType), device=values.device)[:, None], column]
-    return Hands(chosen.position.reshape(-1, 3), chosen.rotation.reshape(-1, 3, 3), chosen.grasp_type.reshape(-1))
+    part = torch.arange(len(value), device=value.device) % per_type
+    group = hands.grasp_type * per_type + part
+    groups = torch.arange(len(GraspType) * per_type, device=value.device)
+    best = torch.where(group == groups[:, None], value, torch.inf).min(-1)
+    if not best.values.isfinite().any():
+        raise InvalidConfigurationError(f"none of {len(value)} candidates has a finite potential to start from")
+    return hands[best.indices[best.values.isfinite()]]
 
 
 def ascend(potential: Potential, starts: Hands, config: AscentConfig | None = None) -> Ascents:
@@ -160,7 +158,8 @@ def find_map(
         config: Steps, tolerances and scales; by default the paper's.
     """
     config = config or AscentConfig()
-    return ascend(potential, starting_points(potential, prior.sample(num_draws, rng), config.starts_per_type), config)
+    candidates = with_every_type(prior.sample(num_draws, rng))
+    return ascend(potential, starting_points(candidates, potential(candidates), config.starts_per_type), config)
 
 
 class _Descent:

@@ -1,0 +1,112 @@
+"""The open hand against the measured surface: does it cut through it, and is anything between the fingers?
+
+The open hand of a grasp type is a set of boxes and capsules fixed in the hand frame (forward kinematics of the
+gripper's description at its pre-shape). A point p of the measured surface is inside a box with half extents s if
+max(|p| - s) < 0, inside a capsule of radius r if its distance to the axis is below r. The closing region is the box
+between the fingers: ahead of the palm up to twice the closing depth, as wide as the fingers are apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float64
+from scipy.spatial.transform import Rotation
+
+from bayesgrasp.assets.gripper import GripperDescription, Link, Shape
+from bayesgrasp.types import GraspType
+
+Points = Float64[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A shape of the open hand.
+
+    Attributes:
+        shape: Box or capsule, and its size in metres.
+        shape_to_hand: Pose of its own frame in the hand frame.
+    """
+
+    shape: Shape
+    shape_to_hand: Float64[np.ndarray, "4 4"]
+
+    def distance(self, points: Points) -> Float64[np.ndarray, "n"]:
+        """Signed distance (metres, negative inside) of points in the hand frame; a lower bound outside a box."""
+        local = (points - self.shape_to_hand[:3, 3]) @ self.shape_to_hand[:3, :3]
+        if self.shape.kind == "box":
+            return (np.abs(local) - self.shape.size).max(axis=-1)
+        radius, half = self.shape.size[:2]
+        local[:, 2] -= np.clip(local[:, 2], -half, half)
+        return np.linalg.norm(local, axis=-1) - radius
+
+    def corners(self) -> Float64[np.ndarray, "8 3"]:
+        """Corners of a box around the shape, hand frame, metres."""
+        size = np.array(self.shape.size)
+        half = size if self.shape.kind == "box" else np.array([size[0], size[0], size[0] + size[1]])
+        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+        return signs * half @ self.shape_to_hand[:3, :3].T + self.shape_to_hand[:3, 3]
+
+
+class OpenHand:
+    """Shapes of a gripper's open hand by grasp type.
+
+    Args:
+        gripper: The gripper.
+    """
+
+    def __init__(self, gripper: GripperDescription) -> None:
+        self.gripper = gripper
+
+    @cached_property
+    def shapes(self) -> dict[GraspType, tuple[Placed, ...]]:
+        """All shapes at the pre-shape of each grasp type."""
+        return {t: tuple(self._place(t)) for t in GraspType}
+
+    def distance(self, points: Points, grasp_type: GraspType) -> Float64[np.ndarray, "n"]:
+        """Distance (metres, negative inside) of points in the hand frame from the open hand."""
+        return np.min([placed.distance(points) for placed in self.shapes[grasp_type]], axis=0)
+
+    def lowest(self, hand_to_world: Float[np.ndarray, "4 4"], grasp_type: GraspType) -> float:
+        """Height of the lowest point of the open hand's covering boxes above the table, metres."""
+        corners = np.concatenate([placed.corners() for placed in self.shapes[grasp_type]])
+        return float((corners @ hand_to_world[2, :3]).min() + hand_to_world[2, 3])
+
+    def between_fingers(self, points: Points) -> np.ndarray:
+        """Which points (hand frame, metres) are in the closing region."""
+        depth, (across, beside) = self.gripper.closing_depth, self._aperture
+        x, y, z = points.T
+        return (x > 0) & (x < 2 * depth) & (np.abs(y) < across) & (np.abs(z) < beside)
+
+    @cached_property
+    def _aperture(self) -> tuple[float, float]:
+        """Half widths of the closing region: across the fingers, and beside them, metres."""
+        corners = np.concatenate([placed.corners() for placed in self.shapes[GraspType.BASIC]])
+        ahead = corners[corners[:, 0] > 0.5 * self.gripper.closing_depth]
+        return float(np.abs(ahead[:, 1]).max()), float(np.abs(ahead[:, 2]).max())
+
+    def _place(self, grasp_type: GraspType) -> list[Placed]:
+        angles = dict(zip(self.gripper.joint_names, self.gripper.open_angles(grasp_type), strict=True))
+        poses: dict[str | None, np.ndarray] = {None: np.eye(4)}
+        placed = []
+        for link in self.gripper.links:
+            poses[link.name] = poses[link.parent] @ _link_pose(link, angles)
+            placed += [Placed(s, poses[link.name] @ _pose(s.position, s.quaternion)) for s in link.shapes]
+        return placed
+
+
+def _link_pose(link: Link, angles: dict[str, float]) -> np.ndarray:
+    pose = _pose(link.position, link.quaternion)
+    if link.joint is not None:
+        axis = np.array(link.joint.axis) / np.linalg.norm(link.joint.axis)
+        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(angles[link.joint.name] * axis).as_matrix()
+    return pose
+
+
+def _pose(position: tuple[float, ...], quaternion: tuple[float, ...]) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
+    pose[:3, 3] = position
+    return pose

@@ -1,0 +1,91 @@
+"""What the user hands in, checked: a depth image, a camera, and the frame in which the posterior is evaluated.
+
+The posterior is evaluated in a workspace frame: the world frame turned about z until the camera stands on the side
+where it stood in training (left alone where it nearly does). Position box, rotation modes and object poses of the
+priors are symmetric under quarter turns about z, and nearly so under others; the arm is not, which is why its path is
+planned in the world frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float32, Float64
+
+from bayesgrasp.errors import DepthImageError
+from bayesgrasp.geometry.camera import INTRINSICS, Camera
+
+Intrinsics = Camera | Mapping[str, float] | Float[np.ndarray, "3 3"]
+LARGEST_DEPTH = 20.0
+"""Metres; a median depth beyond it is a wrong unit."""
+
+
+def aligned_workspace(camera_to_world: Float64[np.ndarray, "4 4"], tolerance: float) -> Float64[np.ndarray, "4 4"]:
+    """The world frame turned about z until the camera's side is +x; the identity where it is within the tolerance."""
+    # Rows grow towards the camera's side of the table; for a level camera, its backward axis points there.
+    side = camera_to_world[:3, :3] @ np.array([0.0, 1.0, -1.0])
+    angle = math.atan2(side[1], side[0])
+    pose = np.eye(4)
+    if abs(angle) > tolerance:
+        cos, sin = math.cos(angle), math.sin(angle)
+        pose[:2, :2] = (cos, -sin), (sin, cos)
+    return pose
+
+
+def check_depth(depth: Any) -> Float32[np.ndarray, "h w"]:
+    """A depth image as float32, or a clear error.
+
+    Raises:
+        DepthImageError: Not two-dimensional, not floating point, NaN or infinite, negative, empty, or not metres.
+    """
+    if not isinstance(depth, np.ndarray) or depth.ndim != 2:
+        shape = getattr(depth, "shape", type(depth).__name__)
+        raise DepthImageError(f"a depth image is a NumPy array of shape (height, width), got {shape}")
+    if not np.issubdtype(depth.dtype, np.floating):
+        raise DepthImageError(
+            f"a depth image is floating point in metres, got {depth.dtype}: divide 16-bit millimetres by 1000"
+        )
+    if not np.isfinite(depth).all():
+        raise DepthImageError("the depth image has NaN or infinite pixels: mark missing returns with 0")
+    if (depth < 0).any():
+        raise DepthImageError("the depth image has negative pixels: depths are metres, 0 = no return")
+    if not (depth > 0).any():
+        raise DepthImageError("the depth image is all zero: the camera returned nothing")
+    if (median := float(np.median(depth[depth > 0]))) > LARGEST_DEPTH:
+        raise DepthImageError(f"the median depth is {median:.0f}: depths are metres, these look like millimetres")
+    return depth.astype(np.float32)
+
+
+def to_camera(
+    intrinsics: Intrinsics, shape: tuple[int, ...], camera_to_world: Float[np.ndarray, "4 4"] | None = None
+) -> Camera:
+    """A camera from what the user has.
+
+    Raises:
+        DepthImageError: Numbers are missing or singular, the pose is not rigid, or the size is not that of the image.
+    """
+    if isinstance(intrinsics, Camera):
+        camera = intrinsics
+    elif isinstance(intrinsics, Mapping):
+        camera = Camera.from_dict({"intrinsics": dict(intrinsics)})
+    else:
+        camera = _from_matrix(np.asarray(intrinsics), shape)
+    if (camera.height, camera.width) != shape:
+        raise DepthImageError(
+            f"the depth image is {shape[1]} x {shape[0]} pixels, the intrinsics are for "
+            f"{camera.width} x {camera.height}"
+        )
+    return camera if camera_to_world is None else camera.with_pose(np.asarray(camera_to_world, dtype=np.float64))
+
+
+def _from_matrix(matrix: np.ndarray, shape: tuple[int, ...]) -> Camera:
+    if matrix.shape != (3, 3):
+        raise DepthImageError(
+            f"intrinsics are a Camera, the numbers {', '.join(INTRINSICS)} by name, or a 3 x 3 matrix; "
+            f"got shape {matrix.shape}"
+        )
+    (fx, _, cx), (_, fy, cy), _ = matrix.astype(np.float64)
+    return Camera(width=shape[1], height=shape[0], fx=float(fx), fy=float(fy), cx=float(cx), cy=float(cy))

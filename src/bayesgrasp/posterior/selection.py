@@ -1,0 +1,174 @@
+"""Which hands the robot can execute: distinct, free of the measured surface, within the arm's reach."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.grasp_space import GraspSpace
+from bayesgrasp.posterior.clearance import OpenHand
+from bayesgrasp.posterior.plan import Grasp, Motion, Pose
+from bayesgrasp.posterior.surface import Surface
+from bayesgrasp.types import GraspType, Hands
+
+
+class Reach(Protocol):
+    """Plans the arm's motion to a hand pose."""
+
+    def __call__(self, hand_to_world: Pose, grasp_type: GraspType) -> Motion | None:
+        """A collision-free motion, or None."""
+        ...
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What executes a grasp.
+
+    Attributes:
+        hand: The open hand.
+        reach: The arm.
+    """
+
+    hand: OpenHand
+    reach: Reach
+
+
+@dataclass(frozen=True)
+class SelectionConfig:
+    """What makes a grasp executable and distinct.
+
+    Attributes:
+        distinct: Grasps closer than this are one grasp, radians in the metric `space`.
+        penetration: The open hand may cut this far into the measured surface (its noise), metres.
+        cutting_points: From so many measured points deeper than that on, a hand collides.
+        space: The metric.
+    """
+
+    distinct: float = 0.2
+    penetration: float = 0.006
+    cutting_points: int = 4
+    space: GraspSpace = field(default_factory=GraspSpace)
+
+    def __post_init__(self) -> None:
+        if self.distinct < 0 or self.penetration < 0 or self.cutting_points < 1:
+            raise InvalidConfigurationError("need distinct >= 0 rad, penetration >= 0 m and cutting_points >= 1")
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Hands to choose from, best first.
+
+    Attributes:
+        hands: In the workspace frame.
+        log_posterior: log p(h | S=1, i) of each, nats.
+        probability: Estimate of p(S=1 | i, h) of each.
+    """
+
+    hands: Hands
+    log_posterior: Float[Tensor, "n"]
+    probability: Float[Tensor, "n"]
+
+
+class Selection:
+    """Picks the candidates that the robot can execute.
+
+    Args:
+        robot: The hand and the arm.
+        surface: Measured points, in the workspace frame.
+        camera_to_world: Pose of the user's camera.
+        workspace_to_world: Frame of the candidates.
+        config: What makes a grasp executable and distinct.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        surface: Surface,
+        camera_to_world: Pose,
+        workspace_to_world: Pose,
+        config: SelectionConfig,
+    ) -> None:
+        self.robot, self.config = robot, config
+        self.world_to_camera = np.linalg.inv(camera_to_world)
+        self.workspace_to_world = workspace_to_world
+        points = surface.near().astype(np.float64)
+        raised = points[points[:, 2] > surface.config.table_thickness]
+        self.raised = raised[:: 1 + len(raised) // 1500]
+        self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // 1500]
+        self.failures = {"the arm does not reach it": 0, "the open hand would cut into the object or the table": 0}
+
+    def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
+        """The first `top` distinct candidates that can be executed, or the reason why there is none."""
+        grasps: list[Grasp] = []
+        tried: list[int] = []
+        for index in range(len(candidates.log_posterior)):
+            if len(grasps) == top:
+                break
+            if self._repeats(candidates.hands, tried, index):
+                continue
+            tried.append(index)
+            grasp = self._check(candidates, index)
+            if grasp is not None:
+                grasps.append(grasp)
+        grasps.sort(key=lambda grasp: -grasp.log_posterior)
+        return tuple(grasps), None if grasps else self._reason(len(tried))
+
+    def _repeats(self, hands: Hands, tried: list[int], index: int) -> bool:
+        if not tried:
+            return False
+        distance = self.config.space.distance(hands[index : index + 1], hands[torch.tensor(tried)])
+        return bool((distance < self.config.distinct).any())
+
+    def _check(self, candidates: Candidates, index: int) -> Grasp | None:
+        hands = candidates.hands
+        grasp_type = GraspType(int(hands.grasp_type[index]))
+        hand_to_workspace = np.eye(4)
+        hand_to_workspace[:3, :3], hand_to_workspace[:3, 3] = (
+            hands.rotation[index].numpy(),
+            hands.position[index].numpy(),
+        )
+        clearance = self._clearance(hand_to_workspace, grasp_type)
+        if clearance is None:
+            self.failures["the open hand would cut into the object or the table"] += 1
+            return None
+        hand_to_world = self.workspace_to_world @ hand_to_workspace
+        motion = self.robot.reach(hand_to_world, grasp_type)
+        if motion is None:
+            self.failures["the arm does not reach it"] += 1
+            return None
+        between = self.robot.hand.between_fingers(_in_hand(self.item, hand_to_workspace))
+        return Grasp(
+            hand_to_world,
+            self.world_to_camera @ hand_to_world,
+            grasp_type,
+            float(candidates.log_posterior[index]),
+            float(candidates.probability[index]),
+            float(between.mean()),
+            clearance,
+            motion,
+        )
+
+    def _clearance(self, hand_to_workspace: Pose, grasp_type: GraspType) -> float | None:
+        """Distance to the measured surface, or None where the open hand collides with it or with the table."""
+        if self.robot.hand.lowest(hand_to_workspace, grasp_type) < -self.config.penetration:
+            return None
+        if len(self.raised) == 0:
+            return np.inf
+        distance = self.robot.hand.distance(_in_hand(self.raised, hand_to_workspace), grasp_type)
+        if (distance < -self.config.penetration).sum() >= self.config.cutting_points:
+            return None
+        return float(distance.min())
+
+    def _reason(self, tried: int) -> str:
+        causes = ", ".join(f"{cause} ({count})" for cause, count in self.failures.items() if count)
+        return f"unreachable: none of the {tried} best grasps can be executed: {causes}"
+
+
+def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:
+    return (points - hand_to_workspace[:3, 3]) @ hand_to_workspace[:3, :3]

@@ -1,0 +1,138 @@
+"""Where the table and the object are, for a camera whose pose nobody measured.
+
+The table is the plane with most points (RANSAC, Fischler & Bolles 1981, then least squares); what rises above it near
+the middle of the image is the object. The workspace is put there: origin on the table below the middle of the object, z
+along the plane's normal towards the camera, x along the table towards the camera's side, as for the canonical camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float64
+from scipy import ndimage
+
+from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
+from bayesgrasp.geometry.camera import Camera
+
+Points = Float64[np.ndarray, "n 3"]
+Plane = tuple[Float64[np.ndarray, "3"], float]
+"""(normal, offset): the plane's points satisfy normal . p = offset; unit normal, metres."""
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """How to find the table.
+
+    Attributes:
+        stride: Every so many pixels, each way, are looked at.
+        hypotheses: Planes through three random points that are tried.
+        tolerance: Points closer to a plane than this belong to it, metres.
+        min_share: Least share of the valid points that the table must have.
+        thickness: Points higher than this above the table are not the table, metres.
+        ceiling: Points higher than this are not on the table, metres.
+        min_pixels: Fewer looked-at pixels in one piece are noise.
+    """
+
+    stride: int = 4
+    hypotheses: int = 200
+    tolerance: float = 0.006
+    min_share: float = 0.2
+    thickness: float = 0.012
+    ceiling: float = 0.45
+    min_pixels: int = 12
+
+    def __post_init__(self) -> None:
+        if self.stride < 1 or self.hypotheses < 1 or self.min_pixels < 1:
+            raise InvalidConfigurationError("stride, hypotheses and min_pixels must be positive")
+        if not (0 < self.tolerance <= self.thickness < self.ceiling and 0 < self.min_share < 1):
+            raise InvalidConfigurationError("need 0 < tolerance <= thickness < ceiling (m) and 0 < min_share < 1")
+
+
+def locate_workspace(
+    depth: Float[np.ndarray, "h w"], camera: Camera, rng: np.random.Generator, config: TableConfig | None = None
+) -> Float64[np.ndarray, "4 4"]:
+    """camera_to_world of a workspace centred at the object in the image.
+
+    Args:
+        depth: Depth image, metres, 0 or NaN = no return.
+        camera: Its intrinsics; a pose is ignored.
+        rng: For the random planes.
+        config: How to find the table.
+
+    Raises:
+        DepthImageError: No plane holds enough of the image.
+    """
+    config = config or TableConfig()
+    points = _grid(depth, camera, config.stride)
+    valid = np.isfinite(points).all(-1)
+    normal, offset = fit_plane(points[valid], rng, config)
+    height = points @ normal - offset
+    with np.errstate(invalid="ignore"):
+        above = valid & (height > config.thickness) & (height < config.ceiling)
+    item = _central_piece(above, config.min_pixels)
+    # Without any object the workspace is centred where the middle of the image meets the table.
+    anchor = points[item] if item.any() else points[valid & (np.abs(height) < config.tolerance)]
+    return _frame(normal, offset, anchor)
+
+
+def fit_plane(points: Points, rng: np.random.Generator, config: TableConfig) -> Plane:
+    """The plane that holds most points, its normal towards the camera (the origin).
+
+    Raises:
+        DepthImageError: Too few points, or no plane holds enough of them.
+    """
+    if len(points) < 100:
+        raise DepthImageError(f"only {len(points)} pixels have a depth: too few to find the table")
+    a, b, c = points[rng.integers(len(points), size=(3, config.hypotheses))]
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
+    sample = points[rng.integers(len(points), size=2000)]
+    votes = (np.abs(sample @ normals.T - (a * normals).sum(1)) < config.tolerance).sum(0)
+    normal, offset = normals[votes.argmax()], float(a[votes.argmax()] @ normals[votes.argmax()])
+    for _ in range(3):
+        members = points[np.abs(points @ normal - offset) < config.tolerance]
+        center = members.mean(0)
+        normal = np.linalg.svd(members - center, full_matrices=False)[2][2]
+        offset = float(center @ normal)
+    share = float((np.abs(points @ normal - offset) < config.tolerance).mean())
+    if share < config.min_share:
+        raise DepthImageError(
+            f"no table found: the best plane holds {100 * share:.0f} % of the image, at least "
+            f"{100 * config.min_share:.0f} % is needed; give `camera_to_world` in the camera file"
+        )
+    return (normal, offset) if offset < 0 else (-normal, -offset)
+
+
+def _grid(depth: np.ndarray, camera: Camera, stride: int) -> np.ndarray:
+    rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
+    small = depth[rows, columns].astype(np.float64)
+    return np.where(small > 0, small, np.nan)[..., None] * camera.rays()[rows, columns]
+
+
+def _central_piece(above: np.ndarray, min_pixels: int) -> np.ndarray:
+    """The piece that weighs most, a pixel counting less the farther it is from the middle of the image."""
+    labels, count = ndimage.label(above)
+    if count == 0:
+        return above
+    row, column = (np.linspace(-1, 1, n) for n in above.shape)
+    weight = np.exp(-2 * (row[:, None] ** 2 + column**2))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    totals = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=count + 1)
+    totals[(sizes < min_pixels) | (np.arange(count + 1) == 0)] = 0
+    return labels == totals.argmax() if totals.any() else np.zeros_like(above)
+
+
+def _frame(normal: np.ndarray, offset: float, anchor: Points) -> np.ndarray:
+    # Image rows grow towards the camera's own side of the table; a level camera's forward axis says the same.
+    towards = np.array([0.0, 1.0, -1.0])
+    x = towards - (towards @ normal) * normal
+    x /= np.linalg.norm(x)
+    y = np.cross(normal, x)
+    low, high = np.percentile(anchor @ np.stack([x, y], 1), (2, 98), axis=0)
+    origin = (low + high) / 2 @ np.stack([x, y]) + offset * normal
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([x, y, normal])
+    pose[:3, 3] = -pose[:3, :3] @ origin
+    return pose
