@@ -37,6 +37,7 @@ class Command:
 
 
 COMMANDS: dict[str, Command] = {
+    "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
 }
 

@@ -1,0 +1,167 @@
+"""``bayesgrasp simulate``: lift tests from the prior, with a table per object and a picture."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from bayesgrasp.assets.object_asset import ObjectAsset
+    from bayesgrasp.data.simulate import Trials
+
+
+def simulate(
+    attempts: int = 2000,
+    split: str = "train",
+    ycb_dir: Path | None = None,
+    mesh: Path | None = None,
+    mass: float | None = None,
+    seed: int = 0,
+    workers: int = os.cpu_count() or 1,
+    screening: bool = True,
+    rotation: Literal["modes", "uniform"] = "modes",
+    json: Path | None = None,
+    video: Path | None = None,
+) -> None:
+    """Run lift tests on hand configurations drawn from the prior.
+
+    Args:
+        attempts: How many.
+        split: train, train-ycb, unseen, household, stand-ins, other, all, or one object's id.
+        ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+        mesh: A mesh file to use instead (metres, z upwards); needs --mass.
+        mass: Its mass, kg.
+        seed: Same seed, same result, for any number of workers.
+        workers: Processes.
+        screening: Decide certain outcomes without physics (same outcomes, faster).
+        rotation: The paper's prior of rotations, or uniform rotations for comparison.
+        json: Write the counts to this file.
+        video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
+    """
+    from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.data.simulate import Priors
+    from bayesgrasp.data.simulate import simulate as run
+    from bayesgrasp.prior.grasp import GraspPrior
+
+    _check_outputs(json, video)
+    objects = load_objects(split, ycb_dir, mesh, mass)
+    priors = replace(Priors(), grasp=GraspPrior(rotation=rotation))
+    start = perf_counter()
+    with _progress(attempts) as advance:
+        trials = run(objects, attempts, seed, workers, priors, screening=screening, progress=advance)
+    summary = summarize(trials, objects, perf_counter() - start)
+    _print_table(summary)
+    if json is not None:
+        json.write_text(json_module.dumps(summary | {"seed": seed, "split": split, "rotation": rotation}, indent=2))
+    if video is not None:
+        _write_video(trials, objects, video)
+
+
+def summarize(trials: Trials, objects: tuple[ObjectAsset, ...], seconds: float) -> dict[str, Any]:
+    """Counts and rates of some trials, in all and per object."""
+    from bayesgrasp.types import Outcome
+
+    def counts(mask: Any) -> dict[str, int]:
+        return {o.name.lower(): int((trials.outcomes[mask] == o).sum()) for o in Outcome}
+
+    index = trials.attempts.object_index
+    per_object = {}
+    for number, asset in enumerate(objects):
+        mine = counts(index == number)
+        total = sum(mine.values())
+        per_object[asset.id] = {"attempts": total, "outcomes": mine} | _rate(mine["success"], total)
+    return {
+        "attempts": len(index),
+        **_rate(trials.successes, len(index)),
+        "outcomes": counts(slice(None)),
+        "attempts_per_second": len(index) / seconds,
+        "seconds": seconds,
+        "per_object": per_object,
+    }
+
+
+def _rate(successes: int, attempts: int) -> dict[str, Any]:
+    from bayesgrasp.diagnostics.intervals import wilson
+
+    if attempts == 0:
+        return {"success_rate": None, "interval": None}
+    return {"success_rate": successes / attempts, "interval": list(wilson(successes, attempts))}
+
+
+def _check_outputs(*paths: Path | None) -> None:
+    """Refuse before the work, not after it."""
+    from bayesgrasp.errors import InvalidConfigurationError
+
+    for path in paths:
+        if path is not None and not path.parent.is_dir():
+            raise InvalidConfigurationError(f"cannot write {path}: there is no directory {path.parent}")
+    video = paths[-1]
+    if video is not None and video.suffix not in (".png", ".gif"):
+        raise InvalidConfigurationError(f"--video writes .png or .gif, not '{video.suffix}'")
+
+
+class _progress:  # noqa: N801 - used like a function
+    """A progress bar over attempts, with the number of successes so far."""
+
+    def __init__(self, total: int) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[found]} successes"))
+        self.bar = Progress(TextColumn("lift tests"), *columns, TimeRemainingColumn())
+        self.task = self.bar.add_task("", total=total, found=0)
+        self.found = 0
+
+    def __enter__(self) -> Any:
+        self.bar.start()
+        return self._advance
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()
+
+    def _advance(self, trials: Trials) -> None:
+        self.found += trials.successes
+        self.bar.update(self.task, advance=len(trials.outcomes), found=self.found)
+
+
+def _print_table(summary: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    names = list(summary["outcomes"])
+    table = Table("object", "attempts", *(n.replace("_", " ") for n in names), "success", "95 % interval")
+    rows = {**summary["per_object"], "all": summary}
+    for name, row in rows.items():
+        if row["attempts"]:
+            low, high = row["interval"]
+            cells = [str(row["outcomes"][n]) for n in names]
+            rate = (f"{row['success_rate']:.2%}", f"{low:.2%} - {high:.2%}")
+            table.add_row(name, str(row["attempts"]), *cells, *rate, end_section=name == list(rows)[-2])
+    Console().print(table)
+    print(f"{summary['attempts_per_second']:.0f} attempts/s ({summary['seconds']:.1f} s)")
+
+
+def _write_video(trials: Trials, objects: tuple[ObjectAsset, ...], path: Path) -> None:
+    from PIL import Image
+
+    from bayesgrasp.types import Outcome
+    from bayesgrasp.viewer.film import film_attempt, film_sheet
+
+    chosen = [r for o in (Outcome.SUCCESS, Outcome.DROPPED) for r in (trials.outcomes == o).nonzero()[0][:3]]
+    if not chosen:
+        print(f"no attempt touched an object: nothing to show, {path} not written")
+        return
+    attempts = [trials.attempts[[row]] for row in chosen]
+    if path.suffix == ".png":
+        Image.fromarray(film_sheet(objects, attempts)).save(path)
+    else:
+        frames = [Image.fromarray(f) for f in film_attempt(objects, attempts[0], frames=40)]
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=60, loop=0)
+    names = ", ".join(
+        f"{objects[int(a.object_index[0])].id} ({Outcome(trials.outcomes[row]).name.lower()})"
+        for a, row in zip(attempts, chosen, strict=True)
+    )
+    print(f"wrote {path}: {names}")

@@ -1,0 +1,53 @@
+"""What an attempt looked like: frames of its physics, by ray casting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from jaxtyping import UInt8
+
+from bayesgrasp.assets.object_asset import ObjectAsset
+from bayesgrasp.geometry.camera import Camera, look_at
+from bayesgrasp.simulators.lift_test import LiftTest
+from bayesgrasp.types import Attempts
+from bayesgrasp.viewer.raycast import contact_sheet, physics_meshes, render
+
+_EYE = np.array([0.36, -0.36, 0.30])
+_WIDTH, _HEIGHT, _FOCAL = 240, 200, 215.0
+
+
+def film_attempt(
+    objects: Sequence[ObjectAsset], attempt: Attempts, frames: int = 7
+) -> list[UInt8[np.ndarray, "h w 3"]]:
+    """Frames of the first attempt, evenly spaced in time; none if it never reached physics."""
+    lift_test = LiftTest(objects)
+    states: list[np.ndarray] = []
+    models: list[mujoco.MjModel] = []
+
+    def record(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        states.append(data.qpos.copy())
+        models.append(model)
+
+    lift_test.observe(attempt, record)
+    if not states:
+        return []
+    x, y, _ = (float(v) for v in attempt.object_pose[0])
+    target = np.array([x, y, 0.13])
+    camera = Camera(_WIDTH, _HEIGHT, _FOCAL, _FOCAL, _WIDTH / 2, _HEIGHT / 2, look_at(target + _EYE, target))
+    data = mujoco.MjData(models[0])
+    pictures = []
+    for index in np.linspace(0, len(states) - 1, frames).astype(int):
+        data.qpos[:] = states[index]
+        mujoco.mj_kinematics(models[0], data)
+        pictures.append(render(physics_meshes(models[0], data), camera))
+    return pictures
+
+
+def film_sheet(
+    objects: Sequence[ObjectAsset], attempts: Sequence[Attempts], frames: int = 7
+) -> UInt8[np.ndarray, "height width 3"]:
+    """One row of frames per attempt that reached physics."""
+    rows = [film_attempt(objects, attempt, frames) for attempt in attempts]
+    return contact_sheet([picture for row in rows for picture in row], frames)
