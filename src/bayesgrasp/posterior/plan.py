@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -17,6 +17,7 @@ JointPath = Float64[np.ndarray, "waypoints joints"]
 Pose = Float64[np.ndarray, "4 4"]
 
 
+@runtime_checkable
 class Motion(Protocol):
     """Joint angles (radians) of a whole grasp: to the pre-grasp, straight to h, and straight up after closing."""
 

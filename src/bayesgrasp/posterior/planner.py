@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -29,12 +29,13 @@ from bayesgrasp.posterior.observation import Intrinsics, aligned_workspace, chec
 from bayesgrasp.posterior.plan import Grasp, Plan
 from bayesgrasp.posterior.potential import LogDensity, Prior, posterior_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
-from bayesgrasp.posterior.selection import Candidates, Robot, SelectionConfig
+from bayesgrasp.posterior.selection import Candidates, Robot, Selection, SelectionConfig
 from bayesgrasp.posterior.surface import Surface, SurfaceReader
 from bayesgrasp.posterior.table import TableConfig, locate_workspace
 from bayesgrasp.types import Hands
 
 
+@runtime_checkable
 class View(Protocol):
     """Brings a depth image of any camera into the canonical view that the network knows."""
 

@@ -27,6 +27,7 @@ from bayesgrasp.geometry import so3
 from bayesgrasp.types import Hands
 
 
+@runtime_checkable
 class LogDensity(Protocol):
     """A log-density or log-ratio over hands, up to a constant; differentiable in position and rotation."""
 
@@ -44,6 +45,7 @@ class WithGradient(Protocol):
         ...
 
 
+@runtime_checkable
 class Prior(Protocol):
     """A prior p(h) with a box of positions as support; every rotation and every type is inside."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from bayesgrasp.posterior.surface import Surface
 from bayesgrasp.types import GraspType, Hands
 
 
+@runtime_checkable
 class Reach(Protocol):
     """Plans the arm's motion to a hand pose."""
 

@@ -1,0 +1,140 @@
+"""The potential and its gradient, against finite differences along geodesics of the manifold."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry import so3
+from bayesgrasp.posterior.potential import (
+    Box,
+    Potential,
+    likelihood_potential,
+    posterior_potential,
+    prior_potential,
+    value_and_euclidean_grad,
+)
+from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.seeding import generator
+from bayesgrasp.types import Hands
+
+
+def smooth_ratio(hands: Hands) -> torch.Tensor:
+    """Couples position, rotation and type; defined on all matrices, as a network is."""
+    x, R = hands.position, hands.rotation
+    turned = torch.sin(3 * (R[..., 0, 1] * R[..., 2, 2] + x @ x.new_tensor([2.0, -1.0, 5.0])))
+    return (
+        turned
+        + (R * R.new_tensor([[0.3, -1.0, 0.2], [0.5, 0.1, 0.9], [-0.4, 0.7, 0.6]])).sum((-2, -1))
+        - (30 * x.square().sum(-1) * (1 + hands.grasp_type))
+    )
+
+
+class WithOwnGradient:
+    """The same ratio, with a gradient of its own that is counted."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, hands: Hands) -> torch.Tensor:
+        return smooth_ratio(hands)
+
+    def value_and_grad(self, hands: Hands) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        self.calls += 1
+        return value_and_euclidean_grad(smooth_ratio, hands)
+
+
+def hands_at(rotation: torch.Tensor, seed: int = 0) -> Hands:
+    n = len(rotation)
+    hands = GraspPrior().sample(n, generator(seed)).to(dtype=torch.float64)
+    return Hands(
+        0.5 * hands.position + torch.tensor([0.0, 0.0, 0.115], dtype=torch.float64), rotation, hands.grasp_type
+    )
+
+
+def rotations(kind: str, n: int = 60) -> torch.Tensor:
+    rng = generator(1)
+    axis = torch.from_numpy(rng.standard_normal((n, 3)))
+    axis = axis / axis.norm(dim=-1, keepdim=True)
+    angle = {"identity": 1e-7, "anywhere": None, "near pi": math.pi - 1e-7, "pi": math.pi}[kind]
+    if angle is None:
+        return so3.random_rotation(n, rng, torch.float64)
+    return so3.exp(angle * axis)
+
+
+@pytest.mark.parametrize("kind", ["identity", "anywhere", "near pi", "pi"])
+@pytest.mark.parametrize("make", [posterior_potential, likelihood_potential, lambda _, prior: prior_potential(prior)])
+def test_gradient_is_the_derivative_along_geodesics(kind, make) -> None:
+    potential: Potential = make(smooth_ratio, GraspPrior())
+    hands = hands_at(rotations(kind))
+    _, gradient = potential.value_and_grad(hands)
+    step = 1e-5
+    for axis in range(6):
+        tangent = torch.zeros(6, dtype=torch.float64)
+        tangent[axis] = step
+
+        def moved(sign: float, tangent: torch.Tensor = tangent) -> torch.Tensor:
+            turned = hands.rotation @ so3.exp(sign * tangent[3:])
+            return potential(Hands(hands.position + sign * tangent[:3], turned, hands.grasp_type))
+
+        difference = (moved(1) - moved(-1)) / (2 * step)
+        torch.testing.assert_close(gradient[..., axis], difference, atol=2e-6, rtol=1e-6)
+
+
+def test_value_with_and_without_gradient_agree_for_any_chunk_and_batch_shape() -> None:
+    potential = posterior_potential(smooth_ratio, GraspPrior())
+    hands = GraspPrior().sample(60, generator(3))
+    square = Hands(hands.position.view(6, 10, 3), hands.rotation.view(6, 10, 3, 3), hands.grasp_type.view(6, 10))
+    value, gradient = potential.value_and_grad(square)
+    assert gradient.shape == (6, 10, 6)
+    torch.testing.assert_close(potential(square), value)
+    torch.testing.assert_close(Potential(potential.terms, potential.box, chunk=7)(hands), value.flatten())
+
+
+def test_terms_add_up() -> None:
+    prior = GraspPrior()
+    hands = prior.sample(50, generator(4))
+    both = posterior_potential(smooth_ratio, prior)(hands)
+    torch.testing.assert_close(both, likelihood_potential(smooth_ratio, prior)(hands) + prior_potential(prior)(hands))
+
+
+def test_outside_the_box_the_potential_is_infinite() -> None:
+    prior = GraspPrior()
+    hands = prior.sample(4, generator(5))
+    outside = Hands(hands.position + torch.tensor([0.4, 0.0, 0.0]), hands.rotation, hands.grasp_type)
+    for potential in (posterior_potential(smooth_ratio, prior), likelihood_potential(smooth_ratio, prior)):
+        assert potential(outside).isinf().all()
+        assert potential.value_and_grad(outside)[0].isinf().all()
+
+
+def test_own_gradient_is_preferred() -> None:
+    ratio = WithOwnGradient()
+    prior = GraspPrior()
+    hands = prior.sample(5, generator(6))
+    own = likelihood_potential(ratio, prior).value_and_grad(hands)
+    assert ratio.calls == 1
+    for mine, autograd in zip(own, likelihood_potential(smooth_ratio, prior).value_and_grad(hands), strict=True):
+        torch.testing.assert_close(mine, autograd)
+
+
+def test_a_constant_term_has_a_zero_gradient() -> None:
+    potential = likelihood_potential(lambda hands: torch.zeros(hands.shape), GraspPrior())
+    assert (potential.value_and_grad(GraspPrior().sample(3, generator(7)))[1] == 0).all()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_box_never_rounds_outwards(dtype) -> None:
+    box = Box.of(GraspPrior())
+    low, high = box.corners(torch.zeros(1, dtype=dtype))
+    assert (low.double().numpy() >= np.array(box.low)).all()
+    assert (high.double().numpy() <= np.array(box.high)).all()
+    far = torch.tensor([[-9.0, 9.0, 9.0]], dtype=dtype)
+    assert box.contains(box.clip(far)).all()
+    assert not box.contains(far).any()
+
+
+def test_an_empty_box_is_refused() -> None:
+    with pytest.raises(InvalidConfigurationError, match="low < high"):
+        Box((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
