@@ -11,6 +11,7 @@ from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.quadrature import rotation_quadrature
 from bayesgrasp.prior.power_spherical import (
     FLOOR,
     LOG_UNIFORM_ROTATION,
@@ -40,17 +41,6 @@ def density_along(kappa: float, dimension: int, nodes: int = 400) -> tuple[np.nd
     q[:, 0], q[:, 1] = np.cos(angle), np.sin(angle)
     log_prob = PowerSpherical(np.eye(dimension)[0], kappa).log_prob(torch.from_numpy(q)).numpy()
     return np.cos(angle), weights * area * np.sin(angle) ** (dimension - 2) * np.exp(log_prob)
-
-
-def euler_grid(n: int = 40) -> tuple[Tensor, Tensor]:
-    """Rotations Rz(a) Ry(b) Rz(c) and weights of the surface measure of S^3; exact for polynomials up to degree n."""
-    turn = torch.arange(n, dtype=torch.float64) * (2 * math.pi / n)
-    cosine, weights = (torch.from_numpy(v) for v in np.polynomial.legendre.leggauss(n))
-    a, b, c = torch.meshgrid(turn, cosine.arccos(), turn, indexing="ij")
-    z, y = torch.tensor([0.0, 0.0, 1.0]).double(), torch.tensor([0.0, 1.0, 0.0]).double()
-    matrices = so3.exp(a[..., None] * z) @ so3.exp(b[..., None] * y) @ so3.exp(c[..., None] * z)
-    haar = (weights / 2)[None, :, None].expand(n, n, n) / n**2
-    return matrices.reshape(-1, 3, 3), 2 * math.pi**2 * haar.reshape(-1)
 
 
 @pytest.mark.parametrize("kappa", KAPPAS)
@@ -138,7 +128,8 @@ def test_the_floor_does_not_touch_the_density_elsewhere() -> None:
 
 @pytest.mark.parametrize("kappa", [1.0, 2.5, 30.0, 200.0])
 def test_mixture_integrates_to_one_over_rotations(kappa: float) -> None:
-    matrices, weights = euler_grid(40 if kappa <= 30 else 72)
+    matrices, weights = rotation_quadrature(40 if kappa <= 30 else 72)
+    weights = 2 * math.pi**2 * weights  # the surface measure of S^3
     total = (weights * RotationMixture(downward_modes(), kappa).log_prob(matrices).exp()).sum()
     # Exact for kappa = 30, a polynomial; odd powers of |mu . q| have a kink and converge slowly.
     assert abs(float(total) - 1) < (1e-10 if kappa == 30 else 1e-3)
