@@ -9,12 +9,10 @@ generator.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float, Float32, Int64
-from scipy.spatial.transform import Rotation
+from jaxtyping import Float32, Int64
 
 from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
@@ -22,7 +20,8 @@ from bayesgrasp.simulators import light_kernels as light
 from bayesgrasp.simulators import ray_kernels as rays
 from bayesgrasp.simulators.kinect import KinectConfig
 from bayesgrasp.simulators.mesh_tree import MeshTree
-from bayesgrasp.simulators.preprocess import IMAGE_SHAPE, SENSOR_SHAPE, clip_range, sampled_columns, sampled_rows
+from bayesgrasp.simulators.preprocess import FAR, IMAGE_SHAPE, NEAR, SENSOR_SHAPE, sampled_columns, sampled_rows
+from bayesgrasp.simulators.views import Views, object_views
 from bayesgrasp.types import CameraNuisances, Scenes
 
 
@@ -60,30 +59,35 @@ class DepthSensor:
         self._constants = self.config.constants
         self.camera.pose  # noqa: B018  refuses a camera without a pose here, not at the first image
 
-    def render_clean(self, scenes: Scenes, cameras: CameraNuisances | None = None) -> Float32[np.ndarray, "n h w"]:
+    def render_clean(
+        self, scenes: Scenes, cameras: CameraNuisances | None = None
+    ) -> Float32[np.ndarray, "n {self.camera.height} {self.camera.width}"]:
         """True depths, metres, without the sensor: 0 where there is neither object nor table.
 
         Args:
             scenes: n scenes.
             cameras: n cameras; the nominal one unless given. `near` and `far` are not applied.
         """
+        views = self._views(scenes, cameras)
         images = np.empty((len(scenes), self.camera.height, self.camera.width), np.float32)
         for i, image in enumerate(images):
-            tree, view, _, _ = self._setup(scenes, cameras, i)
-            spans, _ = self._spans(tree, view, False)
-            region = self._region(tree, view, spans, (0, self.camera.height, 0, self.camera.width))
+            tree = self._trees[scenes.object_index[i]]
+            spans, _ = self._spans(tree, views[i], False)
+            region = self._region(tree, views[i], spans, (0, self.camera.height, 0, self.camera.width))
             with np.errstate(divide="ignore"):
                 image[:] = np.where(region.inverse_depth > 0, 1 / region.inverse_depth, 0.0)
         return images
 
     def render(
         self, scenes: Scenes, cameras: CameraNuisances | None, rng: np.random.Generator
-    ) -> Float32[np.ndarray, "n h w"]:
+    ) -> Float32[np.ndarray, "n {self.camera.height} {self.camera.width}"]:
         """Depth images as the device returns them, metres, 0 = no return; arguments as in `render_clean`."""
+        views = self._views(scenes, cameras)
         rows, columns = np.arange(self.camera.height), np.arange(self.camera.width)
         images = np.empty((len(scenes), len(rows), len(columns)), np.float32)
-        for i in range(len(scenes)):
-            self._sense(scenes, cameras, i, rng, rows, columns, images[i])
+        for i, image in enumerate(images):
+            limits = (views.near[i], views.far[i])
+            self._sense(self._trees[scenes.object_index[i]], views[i], limits, rng, (rows, columns), image)
         return images
 
     def images(
@@ -96,26 +100,38 @@ class DepthSensor:
         """
         if (self.camera.height, self.camera.width) != SENSOR_SHAPE:
             raise DepthImageError(f"network inputs come from a 640x480 camera, got {self.camera}")
-        rows, columns = sampled_rows(), sampled_columns()
+        views = self._views(scenes, cameras)
+        near, far = np.maximum(views.near, np.float32(NEAR)), np.minimum(views.far, np.float32(FAR))
+        pixels = (sampled_rows(), sampled_columns())
         images = np.empty((len(scenes), *IMAGE_SHAPE), np.float32)
-        for i in range(len(scenes)):
-            self._sense(scenes, cameras, i, rng, rows, columns, images[i])
-        return clip_range(images)
+        for i, image in enumerate(images):
+            self._sense(self._trees[scenes.object_index[i]], views[i], (near[i], far[i]), rng, pixels, image)
+        return images
+
+    def _views(self, scenes: Scenes, cameras: CameraNuisances | None) -> Views:
+        if len(scenes) and not 0 <= scenes.object_index.min() <= scenes.object_index.max() < len(self._trees):
+            raise InvalidConfigurationError(
+                f"object_index goes from {scenes.object_index.min()} to {scenes.object_index.max()}, "
+                f"but this sensor has {len(self._trees)} objects"
+            )
+        if cameras is not None and len(cameras) != len(scenes):
+            raise InvalidConfigurationError(f"{len(scenes)} scenes need as many cameras, got {len(cameras)}")
+        return object_views(self.camera, scenes, cameras, self.config.baseline)
 
     def _sense(
         self,
-        scenes: Scenes,
-        cameras: CameraNuisances | None,
-        index: int,
+        tree: MeshTree,
+        view: rays.View,
+        limits: tuple[float, float],
         rng: np.random.Generator,
-        rows: Int64[np.ndarray, "r"],
-        columns: Int64[np.ndarray, "c"],
+        pixels: tuple[Int64[np.ndarray, "r"], Int64[np.ndarray, "c"]],
         image: Float32[np.ndarray, "r c"],
     ) -> None:
-        tree, view, near, far = self._setup(scenes, cameras, index)
+        """Write what the device returns at the given rows and columns, 0 outside the limits of depth."""
         constants, shape = self._constants, (self.camera.height, self.camera.width)
+        rows, columns = pixels
         axial = _lattice(rng, constants.noise_pitch, shape)
-        light.sense_table(view, tree.planes, constants, axial, near, far, rows, columns, image)
+        light.sense_table(view, constants, axial, *limits, rows, columns, image)
         spans, shaded = self._spans(tree, view, self.config.shadow)
         margin = light.REACH + constants.half_window
         box = self._near_object(view, shaded, margin)
@@ -124,23 +140,11 @@ class DepthSensor:
         region = self._region(tree, view, spans, _widened(box, margin, shape))
         local = _lattice(rng, constants.noise_pitch, region.plane.shape, layers=3)
         of_rows, of_columns = _between(rows, *box[:2]), _between(columns, *box[2:])
-        rows, columns = rows[of_rows], columns[of_columns]
-        part = image[of_rows, of_columns]
+        rows, columns, part = rows[of_rows], columns[of_columns], image[of_rows, of_columns]
         matches = light.match(view, tree.planes, region, local, constants, shaded, rows, columns, self.config.shadow)
         blocked = tree.occluded(matches.origins, matches.directions)
         corner = (region.row, region.column)
-        light.sense_matches(matches, blocked, constants, axial, local[2], corner, near, far, rows, columns, part)
-
-    def _setup(
-        self, scenes: Scenes, cameras: CameraNuisances | None, index: int
-    ) -> tuple[MeshTree, rays.View, float, float]:
-        """The tree of a scene, its view from its camera, and the range of that camera (metres)."""
-        camera, near, far = self.camera, 0.0, np.inf
-        if cameras is not None:
-            camera = disturbed(self.camera, cameras, index)
-            near, far = float(cameras.near[index]), float(cameras.far[index])
-        view = object_view(camera, scenes.object_pose[index], float(scenes.scale[index]), self.config.baseline)
-        return self._trees[scenes.object_index[index]], view, near, far
+        light.sense_matches(matches, blocked, constants, axial, local[2], corner, *limits, rows, columns, part)
 
     def _spans(
         self, tree: MeshTree, view: rays.View, shadow: bool
@@ -172,41 +176,6 @@ class DepthSensor:
     ) -> rays.Region:
         origins, directions = rays.primary_rays(view, spans)
         return rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
-
-
-def disturbed(camera: Camera, cameras: CameraNuisances, index: int) -> Camera:
-    """The nominal camera with the position, orientation and field of view of row `index` (see `CameraNuisances`)."""
-    pose = camera.pose.copy()
-    pose[:3, 3] += cameras.position_offset[index]
-    pose[:3, :3] @= Rotation.from_rotvec(cameras.rotation_vector[index].astype(np.float64)).as_matrix()
-    factor = float(cameras.field_of_view_factor[index])
-    return replace(
-        camera,
-        fx=_focal_length(camera.fx, camera.width, factor),
-        fy=_focal_length(camera.fy, camera.height, factor),
-        camera_to_world=pose,
-    )
-
-
-def _focal_length(nominal: float, size: int, factor: float) -> float:
-    """Focal length (px) of a field of view (angle) that is `factor` times the nominal one."""
-    half_angle = factor * np.arctan(size / 2 / nominal)
-    if not 0 < half_angle < np.pi / 2:
-        raise InvalidConfigurationError(
-            f"a field_of_view_factor of {factor} makes the field of view {np.rad2deg(2 * half_angle):.1f} degrees; "
-            "it must be between 0 and 180"
-        )
-    return float(size / 2 / np.tan(half_angle))
-
-
-def object_view(camera: Camera, object_pose: Float[np.ndarray, "3"], scale: float, baseline: float) -> rays.View:
-    """A camera and its projector in the frame of an object at (x, y, yaw) and scale beta."""
-    x, y, yaw = (float(value) for value in object_pose)
-    world_to_object = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-    camera_to_object = world_to_object @ camera.pose[:3, :3] / scale
-    origin = world_to_object @ (camera.pose[:3, 3] - (x, y, 0.0)) / scale
-    ray_matrix = np.ascontiguousarray(camera_to_object @ np.linalg.inv(camera.matrix))
-    return rays.View(ray_matrix, origin, origin + camera_to_object[:, 0] * baseline)
 
 
 def _lattice(

@@ -48,15 +48,25 @@ class Matches(NamedTuple):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def lattice_noise(lattice, pitch, row, column):
-    """Bilinear interpolation of a lattice of independent normal numbers, with unit variance at every pixel."""
-    i, j = row // pitch, column // pitch
-    fv, fu = (row - i * pitch) / pitch, (column - j * pitch) / pitch
-    gv, gu = 1 - fv, 1 - fu
-    value = gv * (gu * lattice[i, j] + fu * lattice[i, j + 1]) + fv * (
-        gu * lattice[i + 1, j] + fu * lattice[i + 1, j + 1]
-    )
-    return value / np.sqrt((fu * fu + gu * gu) * (fv * fv + gv * gv))
+def lattice_weights(pixels, start, pitch):
+    """Along one axis: the lattice node before each pixel, and the weights of that node and of the next one.
+
+    `start` is the pixel of the first node. Weights have unit sum of squares, so that interpolating independent normal
+    numbers of unit variance gives unit variance at every pixel.
+    """
+    node = (pixels - start) // pitch
+    after = (pixels - start - node * pitch) / pitch
+    norm = np.sqrt(after**2 + (1 - after) ** 2)
+    return node, (1 - after) / norm, after / norm
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def interpolate(lattice, by_row, by_column, i, j):
+    """The lattice at the i-th row and j-th column of a pair of `lattice_weights`."""
+    r, a, b = by_row[0][i], by_row[1][i], by_row[2][i]
+    c, d, e = by_column[0][j], by_column[1][j], by_column[2][j]
+    return a * (d * lattice[r, c] + e * lattice[r, c + 1]) + b * (d * lattice[r + 1, c] + e * lattice[r + 1, c + 1])
 
 
 @no_type_check
@@ -69,47 +79,51 @@ def edge_shift(sigma, noise):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def windowed_disparity(region, constants, row, column):
-    """Disparity (steps) and plane that the window around a pixel of the region is matched to; 0 for none."""
-    w, plane = region.inverse_depth, region.plane
-    own, half = w[row, column] * DEPTH_CONSTANT, constants.half_window
-    top, bottom = max(row - half, 0), min(row + half + 1, w.shape[0])
-    left, right = max(column - half, 0), min(column + half + 1, w.shape[1])
-    needed = constants.min_support * ((bottom - top) * (right - left))
-    support, others, total = 0, 0, 0.0
+def count_like(w, top, bottom, left, right, value, tolerance, enough):
+    """How many entries of a window of w are within a tolerance of a value; stops counting after `enough`."""
+    count = 0
     for r in range(top, bottom):
         for c in range(left, right):
-            q = w[r, c] * DEPTH_CONSTANT
-            if abs(q - own) < constants.same_surface:
-                support += 1
-            else:
-                others += 1
-                total += q
-        if support >= needed:
-            return own, plane[row, column]
-    if others < needed:
-        return 0.0, TABLE
-    mean, other_plane, support = total / others, TABLE, 0
-    for r in range(top, bottom):
-        for c in range(left, right):
-            if abs(w[r, c] * DEPTH_CONSTANT - mean) < constants.same_surface:
-                support += 1
-                other_plane = plane[r, c]
-    return (mean, other_plane) if support >= needed else (0.0, TABLE)
+            count += abs(w[r, c] - value) < tolerance
+        if count >= enough:
+            break
+    return count
 
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def moved_pixel(view, planes, region, noise, constants, row, column):
+def windowed_disparity(region, constants, row, column):
+    """Disparity (steps) and plane that the window around a pixel of the region is matched to; 0 for none."""
+    w, plane = region.inverse_depth, region.plane
+    own, half = w[row, column], constants.half_window
+    top, bottom = max(row - half, 0), min(row + half + 1, w.shape[0])
+    left, right = max(column - half, 0), min(column + half + 1, w.shape[1])
+    needed = constants.min_support * ((bottom - top) * (right - left))
+    tolerance = constants.same_surface / DEPTH_CONSTANT
+    if count_like(w, top, bottom, left, right, own, tolerance, needed) >= needed:
+        return own * DEPTH_CONSTANT, plane[row, column]
+    others, total, other_plane = 0, 0.0, TABLE
+    for r in range(top, bottom):
+        for c in range(left, right):
+            if abs(w[r, c] - own) >= tolerance:
+                others += 1
+                total += w[r, c]
+                other_plane = plane[r, c]
+    if others < needed or count_like(w, top, bottom, left, right, total / others, tolerance, needed) < needed:
+        return 0.0, TABLE
+    return total / others * DEPTH_CONSTANT, other_plane
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def moved_pixel(view, planes, region, noise_v, noise_u, constants, row, column):
     """The pixel of the region whose surface pixel (row, column) of the image takes: itself, except near edges."""
     r, c = row - region.row, column - region.column
     plane = region.plane[r, c]
     tilt = np.arccos(max(cosine_at(view, planes, plane, column, row), COS_STEEPEST))
     sigma = constants.lateral_gain * (0.8 + 0.035 * tilt / (np.pi / 2 - tilt))
-    dr = edge_shift(sigma, lattice_noise(noise[0], constants.noise_pitch, r, c))
-    dc = edge_shift(sigma, lattice_noise(noise[1], constants.noise_pitch, r, c))
-    r2 = min(max(r + dr, 0), region.plane.shape[0] - 1)
-    c2 = min(max(c + dc, 0), region.plane.shape[1] - 1)
+    r2 = min(max(r + edge_shift(sigma, noise_v), 0), region.plane.shape[0] - 1)
+    c2 = min(max(c + edge_shift(sigma, noise_u), 0), region.plane.shape[1] - 1)
     expected = inverse_depth_at(view, planes, plane, c2 + region.column, r2 + region.row)
     if abs(region.inverse_depth[r2, c2] - expected) * DEPTH_CONSTANT > constants.edge_step:
         return r2, c2
@@ -142,39 +156,53 @@ def match(view, planes, region, noise, constants, spans, rows, columns, with_sha
     count = len(rows) * len(columns)
     disparity, cosine, ray = np.zeros(count), np.zeros(count), np.full(count, -1)
     origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
-    i, used = 0, 0
-    for row in rows:
-        for column in columns:
-            r, c = moved_pixel(view, planes, region, noise, constants, row, column)
-            q, plane = 0.0, TABLE
-            if region.inverse_depth[r, c] > 0:
-                q, plane = windowed_disparity(region, constants, r, c)
-            u, v = c + region.column, r + region.row
-            cosine[i] = cosine_at(view, planes, plane, u, v)
-            shaded = with_shadow and q > 0 and spans[v, 0] <= u < spans[v, 1]
-            if shaded and shadow_ray(view, planes, plane, u, v, q / DEPTH_CONSTANT, origins[used], directions[used]):
+    by_row = lattice_weights(rows, region.row, constants.noise_pitch)
+    by_column = lattice_weights(columns, region.column, constants.noise_pitch)
+    used = 0
+    for i in range(count):
+        k, j = i // len(columns), i % len(columns)
+        noise_v = interpolate(noise[0], by_row, by_column, k, j)
+        noise_u = interpolate(noise[1], by_row, by_column, k, j)
+        r, c = moved_pixel(view, planes, region, noise_v, noise_u, constants, rows[k], columns[j])
+        q, plane = 0.0, TABLE
+        if region.inverse_depth[r, c] > 0:
+            q, plane = windowed_disparity(region, constants, r, c)
+        u, v = c + region.column, r + region.row
+        cosine[i] = cosine_at(view, planes, plane, u, v)
+        if with_shadow and q > 0 and spans[v, 0] <= u < spans[v, 1]:
+            w = q / DEPTH_CONSTANT
+            if shadow_ray(view, planes, plane, u, v, w, origins[used], directions[used]):
                 ray[i] = used
                 used += 1
-            elif shaded:
+            else:
                 q = 0.0
-            disparity[i] = q
-            i += 1
+        disparity[i] = q
     return Matches(disparity, cosine, ray, origins[:used], directions[:used])
 
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def returned_depth(disparity, cosine, noise, constants, near, far):
-    """The depth (m) that the device returns for a disparity in steps: disturbed, rounded, 0 out of range."""
-    z = DEPTH_CONSTANT / disparity
-    sigma = 0.0012 + 0.0019 * (z - 0.4) ** 2
-    if cosine < COS_TILT_START:
-        tilt = np.arccos(max(cosine, COS_STEEPEST))
-        sigma += 1e-4 / np.sqrt(z) * (tilt / (np.pi / 2 - tilt)) ** 2
-    steps = constants.axial_gain * sigma * disparity * disparity / DEPTH_CONSTANT
+def steep_sigma(disparity, cosine):
+    """The part of the axial deviation (m) that only steep surfaces have."""
+    if cosine >= COS_TILT_START or disparity <= 0:
+        return 0.0
+    tilt = np.arccos(max(cosine, COS_STEEPEST))
+    return 1e-4 * np.sqrt(disparity / DEPTH_CONSTANT) * (tilt / (np.pi / 2 - tilt)) ** 2
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def returned_depth(disparity, steep, noise, gain, near, far):
+    """The depth (m) that the device returns for a disparity in steps: disturbed, rounded, 0 out of range.
+
+    `steep` is `steep_sigma`. There are no branches, so that a loop over it becomes vector instructions.
+    """
+    beyond = DEPTH_CONSTANT / disparity - 0.4
+    steps = gain * (0.0012 + 0.0019 * beyond * beyond + steep) * disparity * disparity / DEPTH_CONSTANT
     q = np.floor(disparity + noise * np.sqrt(max(steps * steps - 1 / 12, 0.0))) + 0.5
     z = np.float32(DEPTH_CONSTANT / q)
-    return z if 0 < q <= DISPARITY_OFFSET and near <= z <= far else np.float32(0.0)
+    returned = (disparity > 0) & (q > 0) & (q <= DISPARITY_OFFSET) & (z >= near) & (z <= far)
+    return z if returned else np.float32(0.0)
 
 
 @no_type_check
@@ -191,34 +219,47 @@ def returns_nothing(cosine, noise, constants):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def sense_table(view, planes, constants, axial, near, far, rows, columns, image):
+def sense_table(view, constants, axial, near, far, rows, columns, image):
     """Step 4 for the bare table: fill the image (len(rows), len(columns)), float32 metres."""
+    m, gain = view.ray_matrix, constants.axial_gain
+    by_row = lattice_weights(rows, 0, constants.noise_pitch)
+    by_column = lattice_weights(columns, 0, constants.noise_pitch)
+    noise, steep, disparity = np.empty(len(columns)), np.zeros(len(columns)), np.empty(len(columns))
+    slope = -m[2, 0] / view.origin[2] * DEPTH_CONSTANT
     for i in range(len(rows)):
+        v = rows[i]
+        offset = -(m[2, 1] * v + m[2, 2]) / view.origin[2] * DEPTH_CONSTANT
         for j in range(len(columns)):
-            q = inverse_depth_at(view, planes, TABLE, columns[j], rows[i]) * DEPTH_CONSTANT
-            image[i, j] = 0.0
-            if q > 0:
-                cosine = cosine_at(view, planes, TABLE, columns[j], rows[i])
-                noise = lattice_noise(axial, constants.noise_pitch, rows[i], columns[j])
-                image[i, j] = returned_depth(q, cosine, noise, constants, near, far)
+            noise[j] = interpolate(axial, by_row, by_column, i, j)
+            disparity[j] = offset + slope * columns[j]
+        # Along a row the tilt is largest at one of the ends.
+        first, last = cosine_at(view, axial, TABLE, columns[0], v), cosine_at(view, axial, TABLE, columns[-1], v)
+        if min(first, last) < COS_TILT_START:
+            for j in range(len(columns)):
+                steep[j] = steep_sigma(disparity[j], cosine_at(view, axial, TABLE, columns[j], v))
+        else:
+            steep[:] = 0.0
+        for j in range(len(columns)):
+            image[i, j] = returned_depth(disparity[j], steep[j], noise[j], gain, near, far)
 
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def sense_matches(matches, blocked, constants, axial, grazing, origin, near, far, rows, columns, image):
+def sense_matches(matches, blocked, constants, axial, grazing, corner, near, far, rows, columns, image):
     """Step 4 for matched pixels: overwrite their part of the image.
 
-    `blocked` is at least 0 for each shadow ray that met the object; `origin` is the first (row, column) of the region,
+    `blocked` is at least 0 for each shadow ray that met the object; `corner` is the first (row, column) of the region,
     whose lattice `grazing` is.
     """
-    k = 0
-    for i in range(len(rows)):
-        for j in range(len(columns)):
-            ray, q = matches.ray[k], matches.disparity[k]
-            image[i, j] = 0.0
-            if q > 0 and (ray < 0 or blocked[ray] < 0):
-                drop = lattice_noise(grazing, constants.noise_pitch, rows[i] - origin[0], columns[j] - origin[1])
-                if not returns_nothing(matches.cosine[k], drop, constants):
-                    noise = lattice_noise(axial, constants.noise_pitch, rows[i], columns[j])
-                    image[i, j] = returned_depth(q, matches.cosine[k], noise, constants, near, far)
-            k += 1
+    pitch, gain = constants.noise_pitch, constants.axial_gain
+    by_row, by_column = lattice_weights(rows, 0, pitch), lattice_weights(columns, 0, pitch)
+    local_row, local_column = lattice_weights(rows, corner[0], pitch), lattice_weights(columns, corner[1], pitch)
+    for k in range(len(matches.ray)):
+        i, j = k // len(columns), k % len(columns)
+        ray, q, cosine = matches.ray[k], matches.disparity[k], matches.cosine[k]
+        image[i, j] = 0.0
+        if q > 0 and (ray < 0 or blocked[ray] < 0):
+            drop = interpolate(grazing, local_row, local_column, i, j)
+            if not returns_nothing(cosine, drop, constants):
+                noise = interpolate(axial, by_row, by_column, i, j)
+                image[i, j] = returned_depth(q, steep_sigma(q, cosine), noise, gain, near, far)

@@ -16,13 +16,15 @@ from scipy.spatial import ConvexHull
 
 from bayesgrasp.errors import AssetError
 
+HULL_DIRECTIONS = 500
+
 
 class MeshTree:
     """Ray queries against one triangle mesh; its orientation does not matter.
 
     Attributes:
         planes: Unit normal n and offset c of every triangle, n . p = c, object frame.
-        hull: Vertices of the convex hull, object frame, metres.
+        hull: Vertices of a convex polytope around the mesh, a little larger than the convex hull, object frame, metres.
 
     Raises:
         AssetError: The mesh has no triangle of positive area, or a vertex that is not finite.
@@ -44,7 +46,7 @@ class MeshTree:
         corners, normals = corners[solid], normals[solid] / doubled_area[solid, None]
         offsets = np.einsum("ij,ij->i", normals, corners.mean(axis=1))
         self.planes = np.concatenate([normals, offsets[:, None]], axis=1)
-        self.hull = _hull_vertices(vertices[np.unique(faces)])
+        self.hull = _enclosing_polytope(vertices[np.unique(faces)])
         self._scene = EmbreeScene(robust=True)
         TriangleMesh(self._scene, np.ascontiguousarray(corners, dtype=np.float32))
 
@@ -61,6 +63,24 @@ class MeshTree:
         return self._scene.run(origins, directions, query="OCCLUDED") if len(origins) else np.empty(0, np.int32)
 
 
-def _hull_vertices(points: Float64[np.ndarray, "v 3"]) -> Float64[np.ndarray, "h 3"]:
-    flat = np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9) < 3
-    return points if flat else points[ConvexHull(points).vertices]
+def _enclosing_polytope(points: Float64[np.ndarray, "v 3"]) -> Float64[np.ndarray, "h 3"]:
+    """The hull of the extreme points along some directions, blown up about its middle until it holds all points.
+
+    A scan's hull has thousands of vertices, and every image projects them all.
+    """
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9) < 3:
+        return points
+    extreme = points[np.unique((points @ _directions(HULL_DIRECTIONS).T).argmax(axis=0))]
+    hull = ConvexHull(extreme)
+    normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
+    middle = extreme.mean(axis=0)
+    reach = ((points - middle) @ normals.T).max(axis=0) / (offsets - normals @ middle)
+    return middle + (extreme[hull.vertices] - middle) * max(1.0, reach.max())
+
+
+def _directions(count: int) -> Float64[np.ndarray, "n 3"]:
+    """Unit vectors spread evenly over the sphere (a golden-angle spiral)."""
+    index = np.arange(count)
+    z, turn = 1 - (2 * index + 1) / count, index * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)

@@ -49,9 +49,5 @@ def preprocess(depth: Float[np.ndarray, "*batch h w"]) -> Float32[np.ndarray, "*
             f"a depth image of the canonical camera has shape {SENSOR_SHAPE}, got {depth.shape[-2:]}; "
             "bring images of another camera into its view with `to_canonical_view` first"
         )
-    return clip_range(depth[..., sampled_rows()[:, None], sampled_columns()].astype(np.float32))
-
-
-def clip_range(depth: Float32[np.ndarray, "*batch"]) -> Float32[np.ndarray, "*batch"]:
-    """The same depths, with 0 for those outside [0.45, 1] m."""
-    return np.where((depth >= np.float32(NEAR)) & (depth <= np.float32(FAR)), depth, np.float32(0.0))
+    small = depth[..., sampled_rows()[:, None], sampled_columns()].astype(np.float32)
+    return np.where((small >= np.float32(NEAR)) & (small <= np.float32(FAR)), small, np.float32(0.0))

@@ -81,24 +81,23 @@ def cosine_at(view, planes, plane, u, v):
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
 def project_hull(view, hull, with_shadow):
-    """Pixels (u, v) of the hull, then of its shadow on the table; `valid` is false if one of them is not in front."""
-    inverse = np.linalg.inv(view.ray_matrix)
-    light = view.projector
+    """Pixels (u, v) of the hull, then of its shadow on the table; and whether all of them are before the camera."""
+    inverse, o, light = np.linalg.inv(view.ray_matrix), view.origin, view.projector
     count = len(hull)
     pixels = np.empty((2 * count if with_shadow else count, 2))
-    valid = True
+    in_front = True
     for i in range(len(pixels)):
-        point = hull[i % count].copy()
+        x, y, z = hull[i % count, 0], hull[i % count, 1], hull[i % count, 2]
         if i >= count:
-            drop = light[2] - point[2]
-            if drop <= 1e-3:
-                return pixels, False
-            stretch = max(light[2] / drop, 1.0)  # a vertex below the table casts no shadow on it
-            point = light + (point - light) * stretch
-        h = inverse @ (point - view.origin)
-        valid = valid and h[2] > 1e-2
-        pixels[i] = h[:2] / h[2]
-    return pixels, valid
+            stretch = max(light[2] / max(light[2] - z, 1e-3), 1.0)  # below the table there is no shadow on it
+            in_front = in_front and light[2] - z > 1e-3
+            x, y, z = light[0] + (x - light[0]) * stretch, light[1] + (y - light[1]) * stretch, min(z, 0.0)
+        x, y, z = x - o[0], y - o[1], z - o[2]
+        depth = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2] * z
+        in_front = in_front and depth > 1e-2
+        pixels[i, 0] = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z) / depth
+        pixels[i, 1] = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z) / depth
+    return pixels, in_front
 
 
 @no_type_check
