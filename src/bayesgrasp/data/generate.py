@@ -17,8 +17,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
+from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.data.images import to_units
 from bayesgrasp.data.pairing import DrawPairing, PairingConfig
 from bayesgrasp.data.planar import PlanarRefresh, Reachable
@@ -31,6 +32,10 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import generator
+from bayesgrasp.simulators.depth import DepthSensor
+from bayesgrasp.simulators.kinect import KinectConfig
+from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.simulators.planner import hand_pose, reachable_branches
 from bayesgrasp.types import Attempts, CameraNuisances, Scenes
 
 DATA, ATTEMPT, SCENE, SENSOR, PROPOSAL = 4, 0, 1, 2, 3
@@ -41,7 +46,7 @@ class Render(Protocol):
     """The sensor generative model, preprocessed: noisy depth of each scene in metres, 0 = no return."""
 
     def __call__(
-        self, scenes: Scenes, camera: CameraNuisances, rng: np.random.Generator
+        self, scenes: Scenes, cameras: CameraNuisances, rng: np.random.Generator
     ) -> Float32[np.ndarray, "n 160 256"]:
         """Images of n scenes."""
         ...
@@ -63,6 +68,33 @@ class World:
 
 
 @dataclass(frozen=True)
+class SimulatedWorld:
+    """Builds the real simulators; small enough to be sent to a worker.
+
+    Attributes:
+        objects: The ordered object set.
+        lift_test: See `LiftTestConfig`.
+        sensor: See `KinectConfig`.
+    """
+
+    objects: tuple[ObjectAsset, ...]
+    lift_test: LiftTestConfig = field(default_factory=LiftTestConfig)
+    sensor: KinectConfig = field(default_factory=KinectConfig)
+
+    def __call__(self) -> World:
+        """Build them; a worker does this once."""
+        test = LiftTest(self.objects, self.lift_test)
+        sensor = DepthSensor(self.objects, config=self.sensor)
+
+        def reachable(attempts: Attempts) -> Bool[np.ndarray, "n"]:
+            hands = zip(attempts.position.astype(np.float64), attempts.quaternion.astype(np.float64), strict=True)
+            motion = self.lift_test.motion
+            return np.array([bool(reachable_branches(test.arm, hand_pose(x, q), motion)) for x, q in hands], dtype=bool)
+
+        return World(test.run, sensor.images, reachable)
+
+
+@dataclass(frozen=True)
 class GenerateConfig:
     """What is drawn and how much of it; with the seed, the objects and the simulators it fixes every record.
 
@@ -74,7 +106,6 @@ class GenerateConfig:
         adaptive: See `AdaptiveConfig`.
         pairing: See `PairingConfig`.
         grasp, nuisance, camera: The priors.
-        scale, place, yaw: Intervals of beta, of x_O and y_O (metres), and of the yaw (radians).
 
     Raises:
         InvalidConfigurationError: A count below its least value.

@@ -141,7 +141,8 @@ class PlanarRefresh:
     def log_marginal(self, hands: RelativeHands) -> Float64[np.ndarray, "n"]:
         """Log p(rho), with respect to the measure of p(h); -inf where no pose brings the hand into the support."""
         yaw = self._yaw_nodes()
-        world = turn(hands.position[:, None], np.broadcast_to(yaw, (len(hands), self.nodes)))
+        shape = (len(hands), self.nodes)
+        world = turn(np.broadcast_to(hands.position[:, None], (*shape, 3)), np.broadcast_to(yaw, shape))
         shares = _share_inside(world[..., 0], self.scene.x, self.grasp.x)
         shares = shares * _share_inside(world[..., 1], self.scene.y, self.grasp.y)
         mean = (np.exp(self._log_rotation(hands, yaw)) * shares).mean(-1)

@@ -27,14 +27,14 @@ from bayesgrasp.errors import BayesgraspError, DataError, InvalidConfigurationEr
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 Work = Callable[[Task], Result]
-Run = Callable[[Iterable[Task]], Iterator[Result]]
+MapTasks = Callable[[Iterable[Task]], Iterator[Result]]
 """Tasks in, results out as they are ready."""
 
 
 class Executor(Protocol):
     """Where work is done."""
 
-    def start(self, build: Callable[[], Work[Task, Result]]) -> AbstractContextManager[Run[Task, Result]]:
+    def start(self, build: Callable[[], Work[Task, Result]]) -> AbstractContextManager[MapTasks[Task, Result]]:
         """Start workers; each calls ``build`` once and then the function it returns for every task it gets."""
         ...
 
@@ -43,7 +43,7 @@ class InProcess:
     """Does the work in the calling process, one task after another."""
 
     @contextmanager
-    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[Run[Task, Result]]:
+    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[MapTasks[Task, Result]]:
         """See `Executor`."""
         work = build()
         yield lambda tasks: map(work, tasks)
@@ -69,7 +69,7 @@ class LocalPool:
             raise InvalidConfigurationError(f"workers must be at least 1, got {self.workers}")
 
     @contextmanager
-    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[Run[Task, Result]]:
+    def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[MapTasks[Task, Result]]:
         """See `Executor`. ``build`` and what it closes over must be picklable."""
         crew = [_Worker(build) for _ in range(self.workers)]
         try:

@@ -1,0 +1,225 @@
+"""From a data set to shuffled batches, with bounded memory.
+
+Splits are by object draw, so no scene, no attempt and no pair of one draw is in two splits: of every 20 draws the first
+validates, the second tests, the others train. Draws are independent and alike, so their number is as good as chance.
+
+The sensor's noise is not drawn afresh each epoch: that would cost an image its whole rendering again (some 2 ms, about
+what a training step spends on it), for which a new scene with new poses, camera and noise can be had instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float32, Int64, UInt8
+
+from bayesgrasp.data.cache import Columns, unpacked
+from bayesgrasp.data.images import to_metres
+from bayesgrasp.data.schema import AttemptBatch, Batch, success_of
+from bayesgrasp.data.shards import HAND, hands_of, read_table, scenes_of
+from bayesgrasp.data.store import Manifest, Store
+from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.geometry import so3
+from bayesgrasp.seeding import generator
+from bayesgrasp.types import Hands
+
+Split = Literal["train", "validation", "test", "all"]
+CYCLE, VALIDATION, TEST = 20, 0, 1
+SHUFFLE = 5
+"""Random stream of the order of batches: ``generator(seed, SHUFFLE, epoch)``."""
+BLOCK, WINDOW = 1024, 64
+"""Attempts are shuffled as blocks of rows, and again inside windows of blocks: memory does not grow with the set."""
+
+
+class GraspDataset:
+    """A finished or growing data set, read-only.
+
+    Args:
+        directory: Where `generate` wrote it.
+        cache: Where its arrays are unpacked; ``directory/cache`` unless given.
+
+    Raises:
+        DataError: There is none, it is empty, damaged, or of another schema.
+    """
+
+    def __init__(self, directory: Path | str, cache: Path | str | None = None) -> None:
+        self.store = Store(Path(directory))
+        self.manifest: Manifest = self.store.manifest()
+        self.entries = self.store.entries()
+        if not self.entries:
+            raise DataError(f"{directory} holds no finished chunk yet; run `generate --resume`")
+        self.cache = Path(cache) if cache is not None else Path(directory) / "cache"
+
+    @property
+    def object_ids(self) -> tuple[str, ...]:
+        """What `object_index` refers to, in order."""
+        return tuple(item["id"] for item in self.manifest.objects)
+
+    @cached_property
+    def scene_columns(self) -> Columns:
+        """All scenes as memory maps, hands with the prefix ``hand_``; see `SceneRecords` and `HandRecords`."""
+        rows = sum(entry.scenes for entry in self.entries.values())
+        if rows == 0:
+            raise DataError(f"{self.store.directory} has no images; generate with --scenes-per-draw 1 or more")
+        return unpacked(self.cache, "scenes", self.entries.values(), rows, self._read_scenes)
+
+    @cached_property
+    def attempt_columns(self) -> Columns:
+        """All attempts as memory maps; see `AttemptRecords`."""
+        rows = sum(entry.attempts for entry in self.entries.values())
+        return unpacked(
+            self.cache, "attempts", self.entries.values(), rows, lambda chunk: self.store.attempts(chunk).columns()
+        )
+
+    def scenes(self, split: Split = "train", batch_size: int = 64, seed: int = 0, shuffle: bool = True) -> SceneLoader:
+        """Batches of scenes with their images and hands."""
+        rows = np.flatnonzero(in_split(self.scene_columns["draw"], split))
+        return SceneLoader(self.scene_columns, rows, batch_size, seed, shuffle)
+
+    def attempts(
+        self, split: Split = "train", batch_size: int = 4096, seed: int = 0, shuffle: bool = True
+    ) -> AttemptLoader:
+        """Batches of attempts without images."""
+        return AttemptLoader(self.attempt_columns, split, batch_size, seed, shuffle)
+
+    def _read_scenes(self, chunk: int) -> Columns:
+        table = read_table(self.store.path("scenes", chunk), chunk)
+        hands = {HAND + name: column for name, column in hands_of(table).columns().items()}
+        return scenes_of(table).columns() | hands
+
+
+def in_split(draw: Int64[np.ndarray, "n"], split: Split) -> np.ndarray:
+    """Which rows belong to a split, by the number of their draw; shape (n,), bool.
+
+    Raises:
+        InvalidConfigurationError: There is no such split.
+    """
+    place = np.asarray(draw) % CYCLE
+    match split:
+        case "validation":
+            return place == VALIDATION
+        case "test":
+            return place == TEST
+        case "train":
+            return (place != VALIDATION) & (place != TEST)
+        case "all":
+            return np.ones(len(place), dtype=bool)
+    raise InvalidConfigurationError(f"the splits are train, validation, test and all; got {split!r}")
+
+
+@dataclass(frozen=True)
+class SceneLoader:
+    """Batches of scenes: ``loader(epoch)`` yields the same batches whenever it is asked for that epoch.
+
+    Attributes:
+        columns: See `GraspDataset.scene_columns`.
+        rows: The scenes of the split.
+        batch_size: Scenes in a batch; the last one may be smaller.
+        seed: Of the order.
+        shuffle: A new order every epoch, or the stored one.
+    """
+
+    columns: Columns
+    rows: Int64[np.ndarray, "n"]
+    batch_size: int
+    seed: int = 0
+    shuffle: bool = True
+
+    def __post_init__(self) -> None:
+        if self.batch_size < 1:
+            raise InvalidConfigurationError(f"batch_size must be at least 1, got {self.batch_size}")
+
+    def __len__(self) -> int:
+        """Batches of an epoch."""
+        return -(-len(self.rows) // self.batch_size)
+
+    def __call__(self, epoch: int) -> Iterator[Batch]:
+        """The batches of an epoch."""
+        order = self.rows
+        if self.shuffle:
+            order = generator(self.seed, SHUFFLE, epoch).permutation(self.rows)
+        for start in range(0, len(order), self.batch_size):
+            yield self.batch(order[start : start + self.batch_size])
+
+    def batch(self, rows: Int64[np.ndarray, "b"]) -> Batch:
+        """The scenes with these rows as torch tensors."""
+        c = {name: column[rows] for name, column in self.columns.items()}
+        return Batch(
+            images=torch.from_numpy(to_metres(c["image"])[:, None]),
+            hands=hands(c["hand_position"], c["hand_quaternion"], c["hand_grasp_type"]),
+            success=success_of(c["hand_outcome"]),
+            weight=torch.from_numpy(c["hand_weight"]),
+            selection_weight=torch.from_numpy(c["hand_selection_weight"]),
+            object_index=torch.from_numpy(c["object_index"].astype(np.int64)),
+            scale=torch.from_numpy(c["scale"]),
+            object_pose=torch.from_numpy(c["object_pose"]),
+            friction=torch.from_numpy(c["hand_lateral_friction"]),
+            spinning_friction=torch.from_numpy(c["hand_spinning_friction"]),
+            mass_factor=torch.from_numpy(c["hand_mass_factor"]),
+        )
+
+
+@dataclass(frozen=True)
+class AttemptLoader:
+    """Batches of attempts: ``loader(epoch)`` yields the same batches whenever it is asked for that epoch.
+
+    Attributes:
+        columns: See `GraspDataset.attempt_columns`.
+        split, batch_size, seed, shuffle: See `GraspDataset.attempts`; a batch may be smaller than asked for.
+    """
+
+    columns: Columns
+    split: Split
+    batch_size: int
+    seed: int = 0
+    shuffle: bool = True
+
+    def __call__(self, epoch: int) -> Iterator[AttemptBatch]:
+        """The batches of an epoch."""
+        rng = generator(self.seed, SHUFFLE, epoch)
+        total = len(self.columns["draw"])
+        starts = np.arange(0, total, BLOCK)
+        if self.shuffle:
+            starts = rng.permutation(starts)
+        for first in range(0, len(starts), WINDOW):
+            blocks = [np.arange(s, min(s + BLOCK, total)) for s in starts[first : first + WINDOW]]
+            rows = np.concatenate(blocks)
+            rows = rows[in_split(self.columns["draw"][rows], self.split)]
+            if self.shuffle:
+                rows = rng.permutation(rows)
+            for start in range(0, len(rows), self.batch_size):
+                yield self.batch(rows[start : start + self.batch_size])
+
+    def batch(self, rows: Int64[np.ndarray, "b"]) -> AttemptBatch:
+        """The attempts with these rows as torch tensors."""
+        c = {name: column[rows] for name, column in self.columns.items()}
+        return AttemptBatch(
+            hands=hands(c["position"], c["quaternion"], c["grasp_type"]),
+            success=success_of(c["outcome"]),
+            weight=torch.from_numpy(np.exp(c["log_weight"] + c["object_log_weight"])),
+            object_index=torch.from_numpy(c["object_index"].astype(np.int64)),
+            scale=torch.from_numpy(c["scale"]),
+            object_pose=torch.from_numpy(c["object_pose"]),
+            friction=torch.from_numpy(c["lateral_friction"]),
+            spinning_friction=torch.from_numpy(c["spinning_friction"]),
+            mass_factor=torch.from_numpy(c["mass_factor"]),
+        )
+
+
+def hands(
+    position: Float32[np.ndarray, "*batch 3"],
+    quaternion: Float32[np.ndarray, "*batch 4"],
+    grasp_type: UInt8[np.ndarray, "*batch"],
+) -> Hands:
+    """Stored hands as torch tensors. Padding has the quaternion 0, which becomes the identity."""
+    q = torch.from_numpy(quaternion)
+    norm = q.norm(dim=-1, keepdim=True)
+    identity = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    rotation = so3.quaternion_to_matrix(torch.where(norm > 0, q / norm.clamp(min=1e-12), identity))
+    return Hands(torch.from_numpy(position), rotation, torch.from_numpy(grasp_type.astype(np.int64)))
