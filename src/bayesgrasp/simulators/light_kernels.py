@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple, no_type_check
 
 import numpy as np
-from numba import njit  # type: ignore[import-untyped]
+from numba import njit
 
 from bayesgrasp.simulators.kinect import AXIAL_TILT_START, DEPTH_CONSTANT, DISPARITY_OFFSET, STEEPEST_TILT
 from bayesgrasp.simulators.ray_kernels import TABLE, cosine_at, inverse_depth_at

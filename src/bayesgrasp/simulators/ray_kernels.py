@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple, no_type_check
 
 import numpy as np
-from numba import njit  # type: ignore[import-untyped]
+from numba import njit
 
 TABLE = -1
 """Plane index of the table."""
