@@ -123,7 +123,7 @@ def test_every_batch_shape_and_type(batch: tuple[int, ...], dtype: torch.dtype) 
 @pytest.mark.parametrize("function", [so3.exp, lambda v: so3.log(so3.exp(v)), lambda v: so3.exp(so3.log(so3.exp(v)))])
 def test_gradients_agree_with_finite_differences_away_from_the_cut(function) -> None:  # type: ignore[no-untyped-def]
     vectors = bad_vectors()
-    vectors = vectors[vectors.norm(dim=-1) < 3.1].requires_grad_()
+    vectors = vectors[vectors.norm(dim=-1) < 3.1][::4].requires_grad_()
     assert torch.autograd.gradcheck(function, vectors, eps=1e-6, atol=1e-6)
 
 

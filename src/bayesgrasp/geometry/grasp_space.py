@@ -102,10 +102,3 @@ class GraspSpace:
         angle = so3.geodesic_distance(first.rotation, second.rotation)
         other = (first.grasp_type != second.grasp_type).to(shift.dtype) * self.type_distance**2
         return (shift + angle.square() + other).sqrt()
-
-    def random_tangent(self, like: Hands, generator: torch.Generator) -> Float[Tensor, "*batch 6"]:
-        """Standard normal tangent vectors of this metric, one for each hand: E <u, u> = 6."""
-        shape = (*like.shape, 6)
-        noise = torch.randn(shape, generator=generator, dtype=like.position.dtype, device=like.position.device)
-        position, rotation = noise.split(3, dim=-1)
-        return torch.cat([self.length_scale * position, rotation], dim=-1)

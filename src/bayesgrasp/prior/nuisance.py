@@ -64,6 +64,7 @@ class CameraPrior:
         position: Nominal position in the world frame, metres (default: that of `canonical_camera`).
         near, far: Nominal range of the sensor, metres: a Kinect v1 sees from about 0.45 to 4 m.
         relative_error: Half-width of the uniform errors: of each coordinate, of near, of far and of the field of view.
+            A coordinate that is nominally 0 has no error.
         rotation_deviation: Standard deviations of the rotation vector in the camera frame, radians.
 
     Raises:
