@@ -23,8 +23,8 @@ from bayesgrasp.assets import household, ycb
 from bayesgrasp.assets.convex import DEFAULT, ConvexConfig, ConvexPart
 from bayesgrasp.assets.mesh import Mesh, read_mesh
 from bayesgrasp.assets.object_asset import ObjectAsset, check_mass, mass_properties
-from bayesgrasp.assets.part_cache import Prepared, prepare
-from bayesgrasp.assets.resting import settle
+from bayesgrasp.assets.part_cache import prepare
+from bayesgrasp.assets.resting import Resting, rest
 from bayesgrasp.errors import AssetError
 
 __all__ = ["SPLITS", "ObjectAsset", "available", "load_file", "load_objects", "object_ids"]
@@ -132,22 +132,20 @@ def _load(object_id: str, scans: dict[str, Path], convex: ConvexConfig) -> Objec
     if object_id in household.OBJECTS:
         recipe = household.OBJECTS[object_id]
         solid = recipe.build()
-        prepared = Prepared(solid.parts, settle(solid.parts, mass_properties(solid.parts)[0]))
         split = household.split_of(object_id)
-        return _place(object_id, "household", split, recipe.mass_kg, solid.mesh, prepared)
+        return _place(object_id, "household", split, recipe.mass_kg, solid.mesh, rest(solid.parts))
     surface = read_mesh(scans[object_id])
-    prepared = prepare(surface, object_id, convex)
-    return _place(object_id, "ycb", ycb.split_of(object_id), ycb.mass_of(object_id), surface, prepared)
+    resting = prepare(surface, object_id, convex)
+    return _place(object_id, "ycb", ycb.split_of(object_id), ycb.mass_of(object_id), surface, resting)
 
 
-def _place(object_id: str, source: str, split: str, mass: float, mesh: Mesh, prepared: Prepared) -> ObjectAsset:
+def _place(object_id: str, source: str, split: str, mass: float, mesh: Mesh, resting: Resting) -> ObjectAsset:
     """Move mesh and parts from the frame of the file to the object frame."""
-    pose = prepared.mesh_to_object
-    parts = tuple(ConvexPart(_moved(part.vertices, pose), part.faces) for part in prepared.parts)
+    pose = resting.mesh_to_object
+    parts = tuple(ConvexPart(_moved(part.vertices, pose), part.faces) for part in resting.parts)
+    vertices = _moved(np.maximum(mesh.vertices, (-np.inf, -np.inf, resting.floor)), pose)
     center, inertia = mass_properties(parts)
-    return ObjectAsset(
-        object_id, source, split, float(mass), _moved(mesh.vertices, pose), mesh.faces, parts, center, inertia
-    )
+    return ObjectAsset(object_id, source, split, float(mass), vertices, mesh.faces, parts, center, inertia)
 
 
 def _moved(points: Float64[np.ndarray, "n 3"], pose: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "n 3"]:

@@ -23,7 +23,7 @@ from bayesgrasp.errors import AssetError, InvalidConfigurationError
 
 log = logging.getLogger(__name__)
 
-ALGORITHM_VERSION = 1
+ALGORITHM_VERSION = 2  # of what the cache keeps: convex parts and resting pose
 MIN_PART_VOLUME = 1e-9  # m^3: a cubic millimetre; smaller slivers carry no contact and upset hull algorithms
 
 

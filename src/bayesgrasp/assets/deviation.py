@@ -19,6 +19,7 @@ from bayesgrasp.assets.convex import ConvexPart
 from bayesgrasp.assets.mesh import Mesh, signed_volume
 
 CANDIDATES = 12  # triangles with the nearest centres among which the nearest one is sought
+MAX_EDGE = 0.005  # metres; longer edges are divided, so that near centres mean near triangles
 MIN_POINTS = 50  # on each part
 INSIDE = 1e-5  # metres; deeper in another part than this, a point is not on the surface of the union
 
@@ -43,8 +44,9 @@ class Deviation:
 def deviation(mesh: Mesh, parts: Sequence[ConvexPart], points: int = 4000) -> Deviation:
     """Compare parts with their mesh at about ``points`` points on each; the same points at every call."""
     surface = mesh.to_trimesh()
+    fine = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, MAX_EDGE), process=False)
     solids = [trimesh.Trimesh(part.vertices, part.faces, process=False) for part in parts]
-    excess = np.maximum(outside_distance(surface, _union_points(parts, solids, points)), 0)
+    excess = np.maximum(outside_distance(fine, _union_points(parts, solids, points)), 0)
     on_mesh = np.asarray(trimesh.sample.sample_surface(surface, points, seed=0)[0], np.float64)
     gap = np.min([part.depth(on_mesh) for part in parts], axis=0)
     volume = sum(signed_volume(part.vertices[part.faces]) for part in parts)
@@ -57,7 +59,10 @@ def deviation(mesh: Mesh, parts: Sequence[ConvexPart], points: int = 4000) -> De
 
 
 def outside_distance(surface: trimesh.Trimesh, points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
-    """Distance of points to a surface, metres, positive on the side to which the nearest triangle faces."""
+    """Distance of points to a surface, metres, positive on the side to which the nearest triangle faces.
+
+    The triangles must be small, as the nearest one is sought among the `CANDIDATES` with the nearest centres.
+    """
     triangles = np.asarray(surface.triangles)
     k = min(CANDIDATES, len(triangles))
     near = np.asarray(cKDTree(triangles.mean(axis=1)).query(points, k=np.arange(1, k + 1))[1])

@@ -14,38 +14,22 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from filelock import FileLock
-from jaxtyping import Float64
 
 from bayesgrasp.assets.cache import cache_directory
 from bayesgrasp.assets.convex import ALGORITHM_VERSION, DEFAULT, ConvexConfig, ConvexPart, decompose
 from bayesgrasp.assets.mesh import Mesh
-from bayesgrasp.assets.object_asset import mass_properties
-from bayesgrasp.assets.resting import settle
+from bayesgrasp.assets.resting import Resting, rest
 
 log = logging.getLogger(__name__)
 
 LIBRARIES = {"coacd": "coacd", "vhacd": "vhacdx"}
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """What is expensive to find out about a mesh, in the frame of its file.
-
-    Attributes:
-        parts: Convex parts.
-        mesh_to_object: Resting pose (see `resting.settle`).
-    """
-
-    parts: tuple[ConvexPart, ...]
-    mesh_to_object: Float64[np.ndarray, "4 4"]
-
-
-def prepare(mesh: Mesh, name: str, config: ConvexConfig = DEFAULT) -> Prepared:
+def prepare(mesh: Mesh, name: str, config: ConvexConfig = DEFAULT) -> Resting:
     """Convex parts and resting pose of a mesh, from the cache or built now.
 
     Args:
@@ -64,12 +48,11 @@ def entry(mesh: Mesh, config: ConvexConfig = DEFAULT) -> Path:
     return cache_directory() / "objects" / f"{digest.hexdigest()[:32]}.npz"
 
 
-def _build(mesh: Mesh, config: ConvexConfig) -> Prepared:
-    parts = decompose(mesh.vertices, mesh.faces, config)
-    return Prepared(parts, settle(parts, mass_properties(parts)[0]))
+def _build(mesh: Mesh, config: ConvexConfig) -> Resting:
+    return rest(decompose(mesh.vertices, mesh.faces, config))
 
 
-def _cached(path: Path, build: Callable[[], Prepared], name: str) -> Prepared:
+def _cached(path: Path, build: Callable[[], Resting], name: str) -> Resting:
     if (found := _read(path)) is not None:
         return found
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -82,12 +65,12 @@ def _cached(path: Path, build: Callable[[], Prepared], name: str) -> Prepared:
     return built
 
 
-def _read(path: Path) -> Prepared | None:
+def _read(path: Path) -> Resting | None:
     try:
         with np.load(path) as data:
             cuts, first = data["vertex_counts"].cumsum()[:-1], data["face_counts"].cumsum()[:-1]
             pieces = zip(np.split(data["vertices"], cuts), np.split(data["faces"], first), strict=True)
-            return Prepared(tuple(ConvexPart(v, f) for v, f in pieces), data["mesh_to_object"])
+            return Resting(tuple(ConvexPart(v, f) for v, f in pieces), data["mesh_to_object"], float(data["floor"]))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
@@ -95,14 +78,15 @@ def _read(path: Path) -> Prepared | None:
         return None
 
 
-def _write(path: Path, prepared: Prepared) -> None:
+def _write(path: Path, resting: Resting) -> None:
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as aside:
         np.savez(
             aside,
-            vertices=np.concatenate([part.vertices for part in prepared.parts]),
-            faces=np.concatenate([part.faces for part in prepared.parts]),
-            vertex_counts=np.array([len(part.vertices) for part in prepared.parts]),
-            face_counts=np.array([len(part.faces) for part in prepared.parts]),
-            mesh_to_object=prepared.mesh_to_object,
+            vertices=np.concatenate([part.vertices for part in resting.parts]),
+            faces=np.concatenate([part.faces for part in resting.parts]),
+            vertex_counts=np.array([len(part.vertices) for part in resting.parts]),
+            face_counts=np.array([len(part.faces) for part in resting.parts]),
+            mesh_to_object=resting.mesh_to_object,
+            floor=resting.floor,
         )
     os.replace(aside.name, path)
