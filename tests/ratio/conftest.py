@@ -44,7 +44,7 @@ class ListSource:
     def __len__(self) -> int:
         return len(self.batches)
 
-    def epoch(self, epoch: int) -> Iterator[TensorBatch]:
+    def __call__(self, epoch: int) -> Iterator[TensorBatch]:
         return iter(self.batches)
 
 

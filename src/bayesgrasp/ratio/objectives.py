@@ -190,14 +190,14 @@ def successes(batch: TensorBatch, count: int) -> tuple[Hands, Float[Tensor, "b n
 def shifted(
     hands: Hands, weight: Float[Tensor, "b k"], shifts: int, rng: torch.Generator
 ) -> tuple[Hands, Float[Tensor, "b m"]]:
-    """For each scene, the hands and weights of `shifts` other scenes.
+    """For each scene, the hands and weights of `shifts` other scenes, or of all others if there are fewer.
 
     Raises:
-        InvalidConfigurationError: The batch has no other scenes than this many.
+        InvalidConfigurationError: The batch has a single scene.
     """
     scenes = len(weight)
-    if scenes <= shifts:
-        raise InvalidConfigurationError(f"{shifts} other scenes need a batch of more than {shifts}, got {scenes}")
+    if scenes < 2:
+        raise InvalidConfigurationError("a product of marginals needs at least two scenes in a batch")
     steps = (torch.randperm(scenes - 1, generator=rng)[:shifts] + 1).tolist()
     fields = (hands.position, hands.rotation, hands.grasp_type, weight)
     position, rotation, grasp_type, weights = (torch.cat([x.roll(s, 0) for s in steps], 1) for x in fields)

@@ -63,7 +63,6 @@ class Part:
         config: Of the architecture.
         objective: Its loss.
         train: Its schedule.
-        needs_images: Whether its batches must have images.
     """
 
     role: Role
@@ -71,7 +70,6 @@ class Part:
     config: object
     objective: Objective
     train: TrainConfig
-    needs_images: bool = True
 
 
 def preset(
@@ -105,10 +103,10 @@ def preset(
         success = Part("success", "local", local, SuccessObjective(), train)
     full = FullConfig(setup.hand(4), setup.objects)
     parts = {
-        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), fast, False),
+        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), fast),
         "image": Part("image", "image", image, ImageObjective(criterion), train),
         "joint": Part("joint", "joint", image, JointObjective(criterion), train),
         "success": success,
-        "full": Part("full", "full", full, FullObjective(), fast, False),
+        "full": Part("full", "full", full, FullObjective(), fast),
     }
     return tuple(parts[role] for role in (DEFAULT_ROLES[name] if roles is None else roles))

@@ -41,7 +41,7 @@ class Source(Protocol):
         """Batches in an epoch."""
         ...
 
-    def epoch(self, epoch: int) -> Iterator[Batch]:
+    def __call__(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch, counted from 0."""
         ...
 
@@ -164,7 +164,7 @@ class _Run:
         self.averaged.eval()
         total, count = 0.0, 0
         with torch.no_grad(), self.autocast():
-            for batch in source.epoch(0):
+            for batch in source(0):
                 rng = torch_generator(self.config.seed, VALIDATION_STREAM, count)
                 total += float(self.objective(self.averaged, on_device(batch, self.device), rng))
                 count += 1
@@ -257,7 +257,7 @@ def _epoch(
     callback: Callable[[Progress], None] | None,
 ) -> None:
     run.estimator.train()
-    for batch in itertools.islice(training.epoch(state.epoch), state.step, run.steps):
+    for batch in itertools.islice(training(state.epoch), state.step, run.steps):
         count = state.epoch * run.steps + state.step
         loss, rate = run.step(on_device(batch, run.device), count)
         state.step += 1

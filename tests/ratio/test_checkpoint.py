@@ -1,0 +1,126 @@
+"""Models on disk: what is read gives the values that were written; what does not fit is refused by name."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from bayesgrasp.errors import CheckpointError
+from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.ratio.batch import TensorBatch
+from bayesgrasp.ratio.checkpoint import CARD, Origin, load_model, save_model
+from bayesgrasp.ratio.estimators import MetricConfig
+from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.local import LocalConfig
+from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.ratio.train import initialised
+from bayesgrasp.types import Hands
+
+
+@pytest.fixture
+def directory(tmp_path: Path, local: LocalConfig) -> Path:
+    estimators = {
+        "success": initialised(lambda: build("local", local), 0).eval(),
+        "metric": initialised(lambda: build("metric", MetricConfig()), 0).eval(),
+    }
+    save_model(tmp_path, estimators, Origin(data="abc", objects=("mug",)), {"metric": {"loss": 1.25}})
+    return tmp_path
+
+
+def edit(directory: Path, **changes: object) -> None:
+    card = json.loads((directory / CARD).read_text())
+    (directory / CARD).write_text(json.dumps(card | changes))
+
+
+def test_a_model_gives_the_same_values_after_a_round_trip(
+    directory: Path, local: LocalConfig, batch: Callable[..., TensorBatch], hands: Callable[..., Hands]
+) -> None:
+    model = load_model(directory)
+    original = GraspModel({"success": initialised(lambda: build("local", local), 0).eval()}, {})
+    image, some = batch(1, 1, 0).images[0], hands((9,), torch.Generator().manual_seed(0))
+    assert torch.equal(model.given_image(image)(some), original.given_image(image)(some))
+    assert not any(p.requires_grad for e in model.estimators.values() for p in e.parameters())
+    assert model.card["data"] == "abc"
+    assert model.card["estimators"]["metric"]["metrics"] == {"loss": 1.25}
+
+
+def test_another_gripper_is_refused(directory: Path) -> None:
+    with pytest.raises(CheckpointError, match="'robotiq-3f', not for 'hand-e'"):
+        load_model(directory, gripper="hand-e")
+
+
+def test_another_camera_is_refused(directory: Path) -> None:
+    camera = canonical_camera()
+    pose = camera.pose.copy()
+    pose[2, 3] += 0.05
+    for other in (replace(camera, fx=600.0), camera.with_pose(pose), camera.with_pose(None)):
+        with pytest.raises(CheckpointError, match="another camera"):
+            load_model(directory, camera=other)
+
+
+def test_another_schema_is_refused(directory: Path) -> None:
+    edit(directory, schema=99)
+    with pytest.raises(CheckpointError, match="schema 99, this version reads schema 1"):
+        load_model(directory)
+
+
+def test_a_missing_or_broken_card_is_refused(directory: Path, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="no model in"):
+        load_model(tmp_path / "elsewhere")
+    (directory / CARD).write_text("{")
+    with pytest.raises(CheckpointError, match="not JSON"):
+        load_model(directory)
+    (directory / CARD).write_text("{}")
+    with pytest.raises(CheckpointError, match="lacks schema, gripper, camera, estimators"):
+        load_model(directory)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "pickle"}, "unknown kind 'pickle'"),
+        ({"config": {"widths": [4]}}, "metric"),
+        ({"config": {"depth": 3}}, "configuration of the metric estimator is not valid"),
+        ({"sha256": "0"}, "checksum"),
+    ],
+)
+def test_a_wrong_entry_is_refused(directory: Path, change: dict[str, object], message: str) -> None:
+    card = json.loads((directory / CARD).read_text())
+    card["estimators"]["metric"] |= change
+    edit(directory, estimators=card["estimators"])
+    with pytest.raises(CheckpointError, match=message):
+        load_model(directory)
+
+
+def test_damaged_or_missing_weights_are_refused(directory: Path) -> None:
+    weights = directory / "metric.safetensors"
+    weights.write_bytes(weights.read_bytes()[:200])
+    with pytest.raises(CheckpointError, match="cannot read the weights"):
+        load_model(directory)
+    weights.unlink()
+    with pytest.raises(CheckpointError, match=r"metric\.safetensors"):
+        load_model(directory)
+
+
+def test_changed_weights_are_refused(directory: Path) -> None:
+    weights = directory / "metric.safetensors"
+    content = bytearray(weights.read_bytes())
+    content[-1] ^= 1
+    weights.write_bytes(bytes(content))
+    with pytest.raises(CheckpointError, match="checksum"):
+        load_model(directory)
+
+
+def test_a_model_says_what_it_lacks(directory: Path) -> None:
+    with pytest.raises(CheckpointError, match="no 'full' estimator; it has success, metric"):
+        load_model(directory).given_object(0, 1.0, (0.0, 0.0, 0.0), 0.8)
+
+
+def test_only_known_estimators_are_saved(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="Identity is no estimator"):
+        save_model(tmp_path, {"metric": torch.nn.Identity()}, Origin())
+    with pytest.raises(CheckpointError, match="no role 'best'"):
+        save_model(tmp_path, {"best": torch.nn.Identity()}, Origin())
