@@ -61,8 +61,8 @@ class AdaptiveConfig:
     kappa: float = 150.0
     type_change: float = 0.2
     max_kernels: int = 256
-    first_round: int = 64
-    rounds: int = 4
+    first_round: int = 16
+    rounds: int = 6
 
     def __post_init__(self) -> None:
         if not 0 < self.prior_share < 1:

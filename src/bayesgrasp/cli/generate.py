@@ -1,0 +1,125 @@
+"""``bayesgrasp generate``: simulate a data set of attempts, scenes and images."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from bayesgrasp.data.engine import Progress
+    from bayesgrasp.data.pool import Executor
+    from bayesgrasp.data.store import Manifest
+
+
+def generate(
+    attempts: int,
+    out: Path,
+    seed: int = 0,
+    workers: int = os.cpu_count() or 1,
+    executor: Literal["local", "ray"] = "local",
+    ray_address: str | None = None,
+    resume: bool = False,
+    repair: bool = False,
+    split: str = "train",
+    ycb_dir: Path | None = None,
+    mesh: Path | None = None,
+    mass: float | None = None,
+    proposal: Literal["prior", "adaptive"] = "adaptive",
+    prior_share: float = 0.5,
+    attempts_per_draw: int = 128,
+    scenes_per_draw: int = 2,
+    draws_per_chunk: int = 16,
+    hands: int = 32,
+) -> None:
+    """Simulate lift tests and depth images, and keep them for training.
+
+    A run that was interrupted goes on with --resume and ends with the records of an undisturbed run. The records
+    depend on the seed and the options below --repair, not on workers, executor or interruptions. More attempts can be
+    added to a data set by resuming it with a larger number.
+
+    Args:
+        attempts: How many lift tests the data set shall have.
+        out: Directory of the data set.
+        seed: Of all random numbers.
+        workers: Processes on this machine; with Ray, the number of chunks under way (0: the cluster's cores).
+        executor: local, or ray (needs the extra `bayesgrasp[ray]`).
+        ray_address: Address of a running Ray cluster; by default one is started on this machine.
+        resume: Go on with the data set in --out, or start it where there is none.
+        repair: With --resume, make damaged chunks again instead of refusing to go on.
+        split: train, train-ycb, unseen, household, stand-ins, other, all, or one object's id.
+        ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+        mesh: A mesh file to use instead (metres, z upwards); needs --mass.
+        mass: Its mass, kg.
+        proposal: Where hands are tried: prior, or adaptive (also near earlier successes, with exact weights).
+        prior_share: With adaptive, the share of hands from the prior; weights are at most its inverse.
+        attempts_per_draw: Attempts for each drawn mesh and scale.
+        scenes_per_draw: Images for each drawn mesh and scale; 0 for attempts alone.
+        draws_per_chunk: Draws in a unit of work, which is two files; raise it for sets of 10^8 attempts and more.
+        hands: Hands kept for each image.
+    """
+    from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.data.engine import Recipe, Run, open_store
+    from bayesgrasp.data.generate import GenerateConfig, SimulatedWorld
+    from bayesgrasp.data.pairing import PairingConfig
+    from bayesgrasp.data.proposal import AdaptiveConfig
+    from bayesgrasp.data.provenance import describe
+    from bayesgrasp.prior.scene import ScenePrior
+
+    config = GenerateConfig(
+        proposal=proposal,
+        attempts_per_draw=attempts_per_draw,
+        scenes_per_draw=scenes_per_draw,
+        draws_per_chunk=draws_per_chunk,
+        adaptive=AdaptiveConfig(prior_share=prior_share),
+        pairing=PairingConfig(hands=hands),
+    )
+    chosen = _executor(executor, workers, ray_address)
+    world = SimulatedWorld(load_objects(split, ycb_dir, mesh, mass))
+    scene = ScenePrior(len(world.objects))
+    store = open_store(out, describe(world, config, seed, scene, attempts), resume)
+    with _progress(attempts) as observe:
+        manifest = Run(store, Recipe(world, config, seed, scene), attempts, observe).execute(chosen, repair)
+    _summary(manifest, out)
+
+
+def _executor(name: str, workers: int, address: str | None) -> Executor:
+    from bayesgrasp.data.pool import LocalPool
+    from bayesgrasp.errors import InvalidConfigurationError
+
+    if name == "local":
+        if address is not None:
+            raise InvalidConfigurationError("--ray-address goes with --executor ray")
+        return LocalPool(workers)
+    from bayesgrasp.data.scale import RayPool
+
+    return RayPool(address, workers)
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[Progress], None]]:
+    """A progress bar: attempts, successes, rate, time left."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("attempts"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[found]}"))
+    with Bar(*columns, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()) as bar:
+        task = bar.add_task("", total=total, found="")
+
+        def observe(progress: Progress) -> None:
+            elapsed = bar.tasks[task].elapsed or 0.0
+            rate = f"{progress.made / elapsed:.0f}/s" if progress.made and elapsed > 0 else "-/s"
+            found = f"{progress.successes} successes, {progress.scenes} images, {rate}"
+            bar.update(task, completed=min(progress.attempts, total), found=found)
+
+        yield observe
+
+
+def _summary(manifest: Manifest, out: Path) -> None:
+    totals = manifest.totals
+    share = totals["outcomes"]["success"] / totals["attempts"]
+    print(f"{totals['attempts']} attempts, {totals['outcomes']['success']} successes ({share:.2%}),", end=" ")
+    print(f"{totals['scenes']} images in {out}")
+    print("outcomes: " + ", ".join(f"{name} {count}" for name, count in totals["outcomes"].items()))
