@@ -169,6 +169,12 @@ def test_projection_finds_the_closest_rotation() -> None:
     close(so3.project_to_so3(closest), closest, 1e-12)
 
 
+def test_projection_of_a_reflection_gives_up_its_weakest_direction() -> None:
+    stretched = torch.diag(torch.tensor([2.0, 1.0, -0.5], dtype=torch.float64))
+    first, second = rotations(2, seed=9)
+    close(so3.project_to_so3(first @ stretched @ second), first @ second, 1e-12)
+
+
 def test_projection_gradient_also_at_a_rotation() -> None:
     rng = np.random.default_rng(5)
     matrices = torch.cat([rotations(3), rotations(3) + 0.1 * torch.from_numpy(rng.standard_normal((3, 3, 3)))])

@@ -59,6 +59,17 @@ def test_evidence_of_every_pose_agrees_with_the_prior(problem: AnalyticGrasping)
     assert (expected.max() / expected.min()) > 1.02  # poses differ, so that Z_o is no formality
 
 
+def test_evidence_knows_that_the_prior_favours_some_yaws() -> None:
+    sharp = BarGraspConfig(deviation=(1.0, 1.0, 1.0), sharpness=40.0)
+    problem = AnalyticGrasping(PRIOR, AnalyticConfig(grid=(1, 1, 4), grasp=sharp))
+    success = problem.grasp.log_success(PRIOR.sample(60_000, np.random.default_rng(14))).exp()
+    expected, error = problem.grasp.log_evidence.exp(), success.std(0) / math.sqrt(len(success))
+    assert ((success.mean(0) - expected).abs() < 4 * error).all()
+    # Bars along a quarter turn suit a mode of the prior, those in between do not.
+    torch.testing.assert_close(expected[0], expected[2])
+    assert expected[0] > expected[1] + 10 * error[1]
+
+
 def test_success_probabilities_are_probabilities_and_reach_their_bound(problem: AnalyticGrasping) -> None:
     assert problem.grasp.log_success(PRIOR.sample(5000, np.random.default_rng(1))).max() <= 0
     pose = problem.poses[5]
