@@ -16,9 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float64
-
 from bayesgrasp.assets import household, ycb
 from bayesgrasp.assets.convex import DEFAULT, ConvexConfig, ConvexPart
 from bayesgrasp.assets.mesh import Mesh, read_mesh
@@ -141,12 +138,7 @@ def _load(object_id: str, scans: dict[str, Path], convex: ConvexConfig) -> Objec
 
 def _place(object_id: str, source: str, split: str, mass: float, mesh: Mesh, resting: Resting) -> ObjectAsset:
     """Move mesh and parts from the frame of the file to the object frame."""
-    pose = resting.mesh_to_object
-    parts = tuple(ConvexPart(_moved(part.vertices, pose), part.faces) for part in resting.parts)
-    vertices = _moved(np.maximum(mesh.vertices, (-np.inf, -np.inf, resting.floor)), pose)
+    parts = tuple(ConvexPart(resting.place(part.vertices), part.faces) for part in resting.parts)
     center, inertia = mass_properties(parts)
+    vertices = resting.place(mesh.vertices)
     return ObjectAsset(object_id, source, split, float(mass), vertices, mesh.faces, parts, center, inertia)
-
-
-def _moved(points: Float64[np.ndarray, "n 3"], pose: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "n 3"]:
-    return points @ pose[:3, :3].T + pose[:3, 3]

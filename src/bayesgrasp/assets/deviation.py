@@ -44,7 +44,8 @@ class Deviation:
 def deviation(mesh: Mesh, parts: Sequence[ConvexPart], points: int = 4000) -> Deviation:
     """Compare parts with their mesh at about ``points`` points on each; the same points at every call."""
     surface = mesh.to_trimesh()
-    fine = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, MAX_EDGE), process=False)
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, MAX_EDGE)
+    fine = trimesh.Trimesh(vertices, faces, process=False)
     solids = [trimesh.Trimesh(part.vertices, part.faces, process=False) for part in parts]
     excess = np.maximum(outside_distance(fine, _union_points(parts, solids, points)), 0)
     on_mesh = np.asarray(trimesh.sample.sample_surface(surface, points, seed=0)[0], np.float64)

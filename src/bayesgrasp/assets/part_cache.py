@@ -40,6 +40,11 @@ def prepare(mesh: Mesh, name: str, config: ConvexConfig = DEFAULT) -> Resting:
     return _cached(entry(mesh, config), lambda: _build(mesh, config), name)
 
 
+def peek(mesh: Mesh, config: ConvexConfig = DEFAULT) -> Resting | None:
+    """What the cache holds of a mesh, without building it."""
+    return _read(entry(mesh, config))
+
+
 def entry(mesh: Mesh, config: ConvexConfig = DEFAULT) -> Path:
     """The cache file of a mesh, existing or not."""
     library = LIBRARIES[config.algorithm]

@@ -42,6 +42,11 @@ class Resting:
     mesh_to_object: Float64[np.ndarray, "4 4"]
     floor: float
 
+    def place(self, points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+        """Points of the mesh file in the object frame, the underside flattened as the parts' is."""
+        raised = np.maximum(points, np.array([-np.inf, -np.inf, self.floor]))
+        return raised @ self.mesh_to_object[:3, :3].T + self.mesh_to_object[:3, 3]
+
 
 def rest(parts: tuple[ConvexPart, ...]) -> Resting:
     """Settle an object, flattening its underside if it would otherwise leave the pose in which it was scanned."""

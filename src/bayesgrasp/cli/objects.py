@@ -1,0 +1,160 @@
+"""``bayesgrasp objects list | show | fetch``: what can be grasped, what it looks like, and where scans come from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import partial
+from json import dumps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from bayesgrasp.assets.fetch import FetchConfig
+    from bayesgrasp.assets.listing import Summary
+    from bayesgrasp.assets.object_asset import ObjectAsset
+
+Split = Literal["train", "train-ycb", "unseen", "household", "stand-ins", "other", "all"]
+
+
+def list_objects(split: Split = "all", ycb_dir: Path | None = None, json: Path | None = None) -> None:
+    """List the objects of the catalogue.
+
+    Args:
+        split: Which objects: train (19 YCB scans and 5 household stand-ins), train-ycb (the 19 only), unseen (5 YCB
+            scans), household, stand-ins, other (scans outside our splits), or all that are there.
+        ycb_dir: Directory of YCB scans, <id>/google_16k/nontextured.ply; by default $BAYESGRASP_YCB_DIR.
+        json: Also write the list to this file.
+    """
+    from bayesgrasp.assets.listing import summarise
+
+    summaries = summarise(split, ycb_dir)
+    print("\n".join(_table(summaries)))
+    if json is not None:
+        json.write_text(dumps([asdict(summary) for summary in summaries], indent=1) + "\n")
+
+
+def show(
+    id: Annotated[str | None, tyro.conf.Positional] = None,
+    ycb_dir: Path | None = None,
+    mesh: Path | None = None,
+    mass: float | None = None,
+    convex: Literal["default", "paper"] = "default",
+    out: Path | None = None,
+) -> None:
+    """Describe one object and draw it, its mesh and its convex parts.
+
+    Args:
+        id: Which object, as `bayesgrasp objects list` names it.
+        ycb_dir: Directory of YCB scans; by default $BAYESGRASP_YCB_DIR.
+        mesh: A mesh file of your own instead (.ply, .stl, .obj, .off), in metres with z upwards.
+        mass: Its mass in kilograms.
+        convex: How the mesh is cut into convex parts: by CoACD (default) or by V-HACD (paper).
+        out: The picture, .png; by default <id>.png here.
+    """
+    from PIL import Image
+
+    from bayesgrasp.viewer.object_picture import object_picture
+
+    asset = _one(id, ycb_dir, mesh, mass, convex)
+    target = out or Path(f"{asset.id}.png")
+    print("\n".join(_description(asset)))
+    Image.fromarray(object_picture(asset)).save(target)
+    print(f"picture      {target}")
+
+
+def fetch(
+    ycb_dir: Path,
+    ids: tuple[str, ...] = (),
+    split: Literal["train", "unseen", "both"] = "both",
+    base_url: str | None = None,
+) -> None:
+    """Download YCB scans from the official archives.
+
+    An interrupted download goes on when the command is run again; scans that are there are left alone.
+
+    Args:
+        ycb_dir: Where to put them, as <id>/google_16k/.
+        ids: Which objects; by default those of the split.
+        split: The 19 YCB objects for training, the 5 unseen ones, or both.
+        base_url: Another address than the official one, above google/<id>_google_16k.tgz.
+    """
+    from bayesgrasp.assets import ycb
+    from bayesgrasp.assets.fetch import FetchConfig
+    from bayesgrasp.errors import AssetError
+
+    chosen = ids or {"train": ycb.TRAIN, "unseen": ycb.UNSEEN, "both": ycb.TRAIN + ycb.UNSEEN}[split]
+    config = FetchConfig() if base_url is None else FetchConfig(base_url=base_url)
+    failed = _fetch_each(chosen, ycb_dir, config)
+    print(f"{len(chosen) - len(failed)} of {len(chosen)} scans are in {ycb_dir}")
+    if failed:
+        raise AssetError("\n       ".join(failed))
+
+
+def _fetch_each(ids: tuple[str, ...], root: Path, config: FetchConfig) -> list[str]:
+    """Fetch one after the other behind a progress bar; returns what went wrong, one line each."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    from bayesgrasp.assets.fetch import fetch as fetch_one
+    from bayesgrasp.errors import AssetError
+
+    failed = []
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, transient=True) as progress:
+        for object_id in ids:
+            task = progress.add_task(object_id, total=None)
+            try:
+                fetch_one(object_id, root, config, partial(_report, progress, task))
+            except AssetError as error:
+                failed.append(str(error))
+            progress.remove_task(task)
+    return failed
+
+
+def _report(progress: Progress, task: TaskID, done: int, total: int | None) -> None:
+    progress.update(task, completed=done, total=total)
+
+
+def _one(id: str | None, ycb_dir: Path | None, mesh: Path | None, mass: float | None, convex: str) -> ObjectAsset:
+    from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.assets.convex import PRESETS
+    from bayesgrasp.errors import AssetError
+
+    if (id is None) == (mesh is None):
+        raise AssetError(
+            "name either one object, or a file: `objects show ID`, or `objects show --mesh FILE --mass KG`"
+        )
+    found = load_objects([id] if id is not None else (), ycb_dir, mesh, mass, PRESETS[convex])
+    return found[0]
+
+
+def _table(summaries: list[Summary]) -> list[str]:
+    width = max(len(summary.id) for summary in summaries)
+    lines = [f"{'id':{width}}  {'source':9}  {'split':9}  {'mass kg':>7}  {'extents mm':>17}  parts"]
+    for s in summaries:
+        extents = " x ".join(f"{1000 * length:.0f}" for length in s.extents_m)
+        parts = "-" if s.parts is None else str(s.parts)
+        lines.append(f"{s.id:{width}}  {s.source:9}  {s.split:9}  {s.mass_kg:7.3f}  {extents:>17}  {parts:>5}")
+    if any(summary.parts is None for summary in summaries):
+        lines.append("- : not cut into convex parts yet; that happens once, at first use")
+    return lines
+
+
+def _description(asset: ObjectAsset) -> list[str]:
+    from bayesgrasp.assets.deviation import deviation
+    from bayesgrasp.assets.mesh import Mesh
+
+    found = deviation(Mesh(asset.vertices, asset.faces), asset.parts)
+    usual, most, gap = (f"{1000 * length:.1f} mm" for length in (found.excess_99, found.excess_max, found.gap_max))
+    extents = " x ".join(f"{1000 * length:.1f}" for length in asset.extents)
+    corners = sum(len(part.vertices) for part in asset.parts)
+    return [
+        f"object       {asset.id} ({asset.source}, split {asset.split})",
+        f"mass         {asset.mass_kg:.4g} kg, centre at height {1000 * asset.center_of_mass[2]:.1f} mm",
+        f"mesh         {len(asset.vertices)} vertices, {len(asset.faces)} faces, {extents} mm at rest",
+        f"parts        {len(asset.parts)} convex, {corners} corners",
+        f"deviation    parts outside the mesh by {usual} (99 %), {most} at most; mesh outside the parts by {gap} at most",
+    ]
