@@ -9,7 +9,7 @@ generator.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Int64
@@ -25,6 +25,7 @@ from bayesgrasp.simulators.views import Views, object_views
 from bayesgrasp.types import CameraNuisances, Scenes
 
 
+@runtime_checkable
 class Visible(Protocol):
     """What the sensor needs of an object: a triangle mesh in the object frame, metres."""
 

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from bayesgrasp.simulators.kinect import AXIAL_TILT_START, DEPTH_CONSTANT, DISPARITY_OFFSET, STEEPEST_TILT
-from bayesgrasp.simulators.ray_kernels import TABLE, cosine_at, inverse_depth_at
+from bayesgrasp.simulators.ray_kernels import TABLE, cosine_at, inverse_depth_at, table_cosine
 
 REACH = 4
 """Lateral noise is cut off at this many pixels, five standard deviations."""
@@ -233,10 +233,9 @@ def sense_table(view, constants, axial, near, far, rows, columns, image):
             noise[j] = interpolate(axial, by_row, by_column, i, j)
             disparity[j] = offset + slope * columns[j]
         # Along a row the tilt is largest at one of the ends.
-        first, last = cosine_at(view, axial, TABLE, columns[0], v), cosine_at(view, axial, TABLE, columns[-1], v)
-        if min(first, last) < COS_TILT_START:
+        if min(table_cosine(view, columns[0], v), table_cosine(view, columns[-1], v)) < COS_TILT_START:
             for j in range(len(columns)):
-                steep[j] = steep_sigma(disparity[j], cosine_at(view, axial, TABLE, columns[j], v))
+                steep[j] = steep_sigma(disparity[j], table_cosine(view, columns[j], v))
         else:
             steep[:] = 0.0
         for j in range(len(columns)):

@@ -67,15 +67,26 @@ def inverse_depth_at(view, planes, plane, u, v):
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
 def cosine_at(view, planes, plane, u, v):
-    """Cosine of the tilt: between the normal of the plane, turned to the camera, and the ray of pixel (u, v)."""
+    """Cosine of the tilt: between the normal of a plane, turned to the camera, and the ray of pixel (u, v)."""
+    if plane == TABLE:
+        return table_cosine(view, u, v)
     m = view.ray_matrix
     dx = m[0, 0] * u + m[0, 1] * v + m[0, 2]
     dy = m[1, 0] * u + m[1, 1] * v + m[1, 2]
     dz = m[2, 0] * u + m[2, 1] * v + m[2, 2]
-    along = dz
-    if plane != TABLE:
-        along = planes[plane, 0] * dx + planes[plane, 1] * dy + planes[plane, 2] * dz
+    along = planes[plane, 0] * dx + planes[plane, 1] * dy + planes[plane, 2] * dz
     return abs(along) / np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def table_cosine(view, u, v):
+    """`cosine_at` for the table."""
+    m = view.ray_matrix
+    dx = m[0, 0] * u + m[0, 1] * v + m[0, 2]
+    dy = m[1, 0] * u + m[1, 1] * v + m[1, 2]
+    dz = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+    return abs(dz) / np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @no_type_check
