@@ -20,7 +20,7 @@ from bayesgrasp.assets.arm import ArmDescription
 from bayesgrasp.errors import InvalidConfigurationError
 
 Pose = Float64[np.ndarray, "4 4"]
-Path = Float64[np.ndarray, "waypoints 6"]
+Path = Float64[np.ndarray, "_ 6"]
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,8 @@ from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.assets.scene import TABLE_GEOM, ObjectHandle, add_object, new_spec
 from bayesgrasp.types import GraspType
 
-Points = Float64[np.ndarray, "points 3"]
-JointPath = Float64[np.ndarray, "samples joints"]
+Points = Float64[np.ndarray, "_ 3"]
+JointPath = Float64[np.ndarray, "_ joints"]
 
 MARGIN = 0.003
 """Metres by which the reach of the hand is grown: contact softness, servo error, and the object's settling."""
