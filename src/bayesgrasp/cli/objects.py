@@ -156,5 +156,5 @@ def _description(asset: ObjectAsset) -> list[str]:
         f"mass         {asset.mass_kg:.4g} kg, centre at height {1000 * asset.center_of_mass[2]:.1f} mm",
         f"mesh         {len(asset.vertices)} vertices, {len(asset.faces)} faces, {extents} mm at rest",
         f"parts        {len(asset.parts)} convex, {corners} corners",
-        f"deviation    parts outside the mesh by {usual} (99 %), {most} at most; mesh outside the parts by {gap} at most",
+        f"deviation    parts outside the mesh by {usual} (99 %), {most} at most; mesh outside them by {gap} at most",
     ]
