@@ -60,13 +60,13 @@ def statistics(surface: Surface) -> Float64[np.ndarray, "11"]:
 
 
 def _item_statistics(surface: Surface) -> tuple[float, ...]:
-    points = surface.item_points
+    points = surface.item_points.astype(np.float64)
     if len(points) == 0:
         return (0.0,) * 6
     plane = points[:, :2] - points[:, :2].mean(0)
     spread = np.sqrt(np.clip(np.linalg.eigvalsh(plane.T @ plane / len(points)), 0, None))
     top, middle = np.percentile(points[:, 2], (98, 50))
-    return top, middle, np.sqrt(len(points)), spread[1], spread[0], np.hypot(*surface.center)
+    return top, middle, np.sqrt(len(points)), spread[1], spread[0], float(np.hypot(*surface.center))
 
 
 @dataclass(frozen=True)

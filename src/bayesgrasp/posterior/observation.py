@@ -18,7 +18,7 @@ from jaxtyping import Float, Float32, Float64
 from bayesgrasp.errors import DepthImageError
 from bayesgrasp.geometry.camera import INTRINSICS, Camera
 
-Intrinsics = Camera | Mapping[str, float] | Float[np.ndarray, "3 3"]
+Intrinsics = Camera | Mapping[str, float | int] | np.ndarray
 LARGEST_DEPTH = 20.0
 """Metres; a median depth beyond it is a wrong unit."""
 

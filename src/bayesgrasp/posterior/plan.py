@@ -49,8 +49,8 @@ class Grasp:
             constant is a Monte Carlo estimate.
         success_probability: Estimate of p(S=1 | i, h).
         on_object: Share of the measured object points that lie between the fingers.
-        clearance: Distance of the open hand from the nearest measured point above the table, metres; negative where
-            it would cut in.
+        clearance: Least distance of the open hand, on its straight way to h, from the measured points above the
+            table, metres; slightly negative within the sensor's noise.
         motion: Joint angles of the arm.
     """
 

@@ -48,17 +48,19 @@ class SelectionConfig:
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
         cutting_points: From so many measured points deeper than that on, a hand collides.
+        standoff: The straight approach is as long as this, metres; the open hand must be clear all along.
         space: The metric.
     """
 
     distinct: float = 0.2
     penetration: float = 0.006
     cutting_points: int = 4
+    standoff: float = 0.10
     space: GraspSpace = field(default_factory=GraspSpace)
 
     def __post_init__(self) -> None:
-        if self.distinct < 0 or self.penetration < 0 or self.cutting_points < 1:
-            raise InvalidConfigurationError("need distinct >= 0 rad, penetration >= 0 m and cutting_points >= 1")
+        if min(self.distinct, self.penetration, self.standoff) < 0 or self.cutting_points < 1:
+            raise InvalidConfigurationError("need distinct, penetration and standoff >= 0, and cutting_points >= 1")
 
 
 @dataclass(frozen=True)
@@ -156,15 +158,19 @@ class Selection:
         )
 
     def _clearance(self, hand_to_workspace: Pose, grasp_type: GraspType) -> float | None:
-        """Distance to the measured surface, or None where the open hand collides with it or with the table."""
+        """Least distance to the measured surface on the way to h; None where the open hand collides."""
         if self.robot.hand.lowest(hand_to_workspace, grasp_type) < -self.config.penetration:
             return None
         if len(self.raised) == 0:
             return np.inf
-        distance = self.robot.hand.distance(_in_hand(self.raised, hand_to_workspace), grasp_type)
-        if (distance < -self.config.penetration).sum() >= self.config.cutting_points:
-            return None
-        return float(distance.min())
+        points = _in_hand(self.raised, hand_to_workspace)
+        clearance = np.inf
+        for back in np.linspace(0.0, self.config.standoff, 3):
+            distance = self.robot.hand.distance(points + np.array([back, 0.0, 0.0]), grasp_type)
+            if (distance < -self.config.penetration).sum() >= self.config.cutting_points:
+                return None
+            clearance = min(clearance, float(distance.min()))
+        return clearance
 
     def _reason(self, tried: int) -> str:
         causes = ", ".join(f"{cause} ({count})" for cause, count in self.failures.items() if count)
