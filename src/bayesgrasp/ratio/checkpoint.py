@@ -61,8 +61,16 @@ def save_model(
     estimators: Mapping[str, nn.Module],
     origin: Origin,
     metrics: Mapping[str, Mapping[str, Any]] | None = None,
+    extra: Mapping[str, Any] | None = None,
 ) -> None:
     """Write estimators by role, then the card; without a card a directory is not a model.
+
+    Args:
+        directory: Where to; made if it is not there.
+        estimators: By role.
+        origin: Where they come from.
+        metrics: By role, for the card.
+        extra: More entries of the card.
 
     Raises:
         CheckpointError: An estimator of unknown role or kind.
@@ -80,7 +88,7 @@ def save_model(
             "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
             "metrics": dict((metrics or {}).get(role, {})),
         }
-    write_json(directory / CARD, {"schema": SCHEMA, **origin.to_dict(), "estimators": entries})
+    write_json(directory / CARD, {"schema": SCHEMA, **origin.to_dict(), "estimators": entries, **(extra or {})})
 
 
 def load_model(directory: Path, *, gripper: str = GRIPPER, camera: Camera | None = None) -> GraspModel:

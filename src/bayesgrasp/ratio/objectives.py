@@ -71,9 +71,13 @@ class SuccessObjective:
             raise InvalidConfigurationError(f"emphasis must be positive, got {self.emphasis}")
 
     def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
-        """Loss of a `success` estimator."""
-        logit: Tensor = estimator(estimator.encode(batch.images), batch.hands)
-        return self.loss(logit, batch)
+        """Loss of a `success` or `full` estimator."""
+        return self.loss(self.logit(estimator, batch), batch)
+
+    def logit(self, estimator: Any, batch: TensorBatch) -> Tensor:
+        """Logits of p(S=1 | i, h), (b, k)."""
+        value: Tensor = estimator(estimator.encode(batch.images), batch.hands)
+        return value
 
     def loss(self, logit: Float[Tensor, "b k"], batch: TensorBatch) -> Float[Tensor, ""]:
         """Emphasised cross-entropy, given the logits of p(S = 1 | ., h)."""
@@ -85,10 +89,11 @@ class SuccessObjective:
 class FullObjective(SuccessObjective):
     """The same for the estimator that is told O, p_O, beta and mu."""
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
-        """Loss of `FullSuccess`."""
+    def logit(self, estimator: Any, batch: TensorBatch) -> Tensor:
+        """Logits of p(S=1 | O, p_O, beta, mu, h), (b, k)."""
         state = ObjectState(batch.object_index, batch.scale, batch.object_pose, batch.friction)
-        return self.loss(estimator(state, batch.hands), batch)
+        value: Tensor = estimator(state, batch.hands)
+        return value
 
 
 @dataclass(frozen=True)

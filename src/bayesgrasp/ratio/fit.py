@@ -1,0 +1,124 @@
+"""From a data set to a model directory: trains the parts of a preset one after another and checks each.
+
+Every part keeps its state below ``out/state``, so a killed run goes on with the part it was in; the card is written
+last.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from bayesgrasp.data.loader import GraspDataset, SceneLoader
+from bayesgrasp.errors import CheckpointError, DataError
+from bayesgrasp.ratio.batch import Batch
+from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
+from bayesgrasp.ratio.checks import check
+from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.presets import Part
+from bayesgrasp.ratio.train import Progress, Source, train
+
+STATE = "state"
+
+
+@dataclass(frozen=True)
+class WholeBatches:
+    """The batches of a loader without a smaller last one, unless it is the only one.
+
+    Attributes:
+        loader: Of a split.
+    """
+
+    loader: SceneLoader
+
+    def __len__(self) -> int:
+        """Batches in an epoch."""
+        return max(len(self.loader.rows) // self.loader.batch_size, min(1, len(self.loader)))
+
+    def __call__(self, epoch: int) -> Iterator[Batch]:
+        """The batches of an epoch."""
+        return (batch for batch, _ in zip(self.loader(epoch), range(len(self)), strict=False))
+
+
+def sources(dataset: GraspDataset, batch_size: int, seed: int) -> tuple[Source, Source]:
+    """Training and held-out batches; the split is by object draw.
+
+    Raises:
+        DataError: One of them would be empty.
+    """
+    loaders = [dataset.scenes(split, batch_size, seed, split == "train") for split in ("train", "validation")]
+    for loader, name in zip(loaders, ("training", "held-out"), strict=True):
+        if len(loader.rows) < 2:
+            raise DataError(
+                f"the data set has {len(loader.rows)} {name} scenes; at least two are needed: generate more"
+            )
+    return WholeBatches(loaders[0]), WholeBatches(loaders[1])
+
+
+def fit(
+    parts: Sequence[Part],
+    training: Source,
+    held_out: Source,
+    out: Path,
+    origin: Origin,
+    *,
+    device: torch.device | str = "cpu",
+    resume: bool = False,
+    callback: Callable[[Part, Progress], None] | None = None,
+    extra: dict[str, Any] | None = None,
+) -> dict[str, dict[str, Any]]:
+    """Train the parts and write the model.
+
+    Args:
+        parts: Of a preset.
+        training: Batches to learn from.
+        held_out: Batches of held-out scenes.
+        out: Directory of the model.
+        origin: For the card.
+        device: Where to train.
+        resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
+        callback: Told after every step.
+        extra: More entries of the card.
+
+    Returns:
+        Metrics by role, as in the card.
+
+    Raises:
+        CheckpointError: There is a run in `out` already, or its state is of another run.
+    """
+    if not resume and ((out / STATE).exists() or (out / CARD).exists()):
+        raise CheckpointError(f"{out} holds a run already: give --resume to go on with it, or another directory")
+    estimators: dict[str, nn.Module] = {}
+    metrics: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        estimators[part.role], metrics[part.role] = _fit_part(part, training, held_out, out, device, callback)
+    save_model(out, estimators, origin, metrics, extra)
+    return metrics
+
+
+def _fit_part(
+    part: Part,
+    training: Source,
+    held_out: Source,
+    out: Path,
+    device: torch.device | str,
+    callback: Callable[[Part, Progress], None] | None,
+) -> tuple[nn.Module, dict[str, Any]]:
+    result = train(
+        lambda: build(part.kind, part.config),
+        part.objective,
+        training,
+        held_out,
+        part.train,
+        device=device,
+        state_file=out / STATE / f"{part.role}.safetensors",
+        resume=True,
+        callback=None if callback is None else lambda progress: callback(part, progress),
+    )
+    history = {"train_loss": result.train, "validation_loss": result.validation, "best_epoch": result.best_epoch}
+    schedule = {"stopped": result.stopped, "seconds": round(result.seconds, 1), "schedule": asdict(part.train)}
+    checks = check(result.estimator, part.objective, held_out(0), part.train.seed)
+    return result.estimator, {**history, **schedule, "checks": checks}
