@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
@@ -42,14 +42,8 @@ DATA, ATTEMPT, SCENE, SENSOR, PROPOSAL = 4, 0, 1, 2, 3
 """Random streams: ``generator(seed, DATA, ATTEMPT, chunk, draw)`` and so on."""
 
 
-class Render(Protocol):
-    """The sensor generative model, preprocessed: noisy depth of each scene in metres, 0 = no return."""
-
-    def __call__(
-        self, scenes: Scenes, cameras: CameraNuisances, rng: np.random.Generator
-    ) -> Float32[np.ndarray, "n 160 256"]:
-        """Images of n scenes."""
-        ...
+Render = Callable[[Scenes, CameraNuisances, np.random.Generator], Float32[np.ndarray, "n 160 256"]]
+"""The sensor generative model, preprocessed: noisy depth of n scenes in metres, 0 = no return."""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,10 @@ Reachable = Callable[[Attempts], Bool[np.ndarray, "n"]]
 
 MARGIN = 1.02
 """The largest p(R_z(yaw) R) over all yaws is at most this much above its largest value on the grid of 64 nodes."""
-MAX_REDRAWS = 200
+AT_ONCE, MAX_DRAWS = 4, 200
+"""Poses proposed at once, and in all, for a draw from p(p_O | rho)."""
+MAX_REDRAWS = 50
+"""Draws from p(p_O | rho) before an attempt that would change sides of the arm's reach is left where it is."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +158,7 @@ class PlanarRefresh:
         return log_mean + self.grasp.log_prob_position() - math.log(len(self.grasp.types))
 
     def sample_pose(self, hands: RelativeHands, rng: np.random.Generator) -> Float64[np.ndarray, "n 3"]:
-        """A draw from p(p_O | rho) for each hand, by rejection; NaN where `MAX_REDRAWS` proposals were all rejected.
+        """A draw from p(p_O | rho) for each hand, by rejection; NaN where `MAX_DRAWS` proposals were all rejected.
 
         Proposals are uniform; the yaw is accepted with the ratio of p(R_z(yaw) R) to its bound, x and y if they bring
         the hand into the box.
@@ -163,12 +166,15 @@ class PlanarRefresh:
         bound = self._log_rotation(hands, self._yaw_nodes()).max(-1) + math.log(MARGIN)
         poses = np.full((len(hands), 3), np.nan)
         waiting = np.arange(len(hands))
-        for _ in range(MAX_REDRAWS):
-            proposed = self.scene.sample_pose(len(waiting), rng).astype(np.float64)
-            log_ratio = self._log_inside(hands[waiting], proposed) - bound[waiting]
-            accepted = np.log(rng.random(len(waiting))) < log_ratio
-            poses[waiting[accepted]] = proposed[accepted]
-            waiting = waiting[~accepted]
+        for _ in range(MAX_DRAWS // AT_ONCE):
+            rows = np.repeat(waiting, AT_ONCE)
+            proposed = self.scene.sample_pose(len(rows), rng).astype(np.float64)
+            log_ratio = self._log_inside(hands[rows], proposed) - bound[rows]
+            accepted = (np.log(rng.random(len(rows))) < log_ratio).reshape(-1, AT_ONCE)
+            found = accepted.any(axis=1)
+            first = proposed.reshape(-1, AT_ONCE, 3)[np.arange(len(waiting)), accepted.argmax(axis=1)]
+            poses[waiting[found]] = first[found]
+            waiting = waiting[~found]
             if len(waiting) == 0:
                 break
         return poses

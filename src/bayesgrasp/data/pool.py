@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import torch
 
@@ -31,6 +31,7 @@ MapTasks = Callable[[Iterable[Task]], Iterator[Result]]
 """Tasks in, results out as they are ready."""
 
 
+@runtime_checkable
 class Executor(Protocol):
     """Where work is done."""
 
