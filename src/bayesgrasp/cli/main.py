@@ -36,14 +36,15 @@ class Command:
         return loaded
 
 
+# In the order in which one would use them.
 COMMANDS: dict[str, Command] = {
-    "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
-    "generate": Command("generate:generate", "Simulate a data set of attempts, scenes and depth images."),
-    "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
-    "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
     "objects show": Command("objects:show", "Describe one object and draw it, its mesh and its convex parts."),
     "objects fetch": Command("objects:fetch", "Download YCB scans from the official archives."),
+    "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
+    "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
+    "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
+    "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
 }
 
 
