@@ -23,7 +23,8 @@ from bayesgrasp.errors import AssetError, InvalidConfigurationError
 
 log = logging.getLogger(__name__)
 
-ALGORITHM_VERSION = 2  # of what the cache keeps: convex parts and resting pose
+ALGORITHM_VERSION = 3  # of what the cache keeps: convex parts and resting pose
+FLAT = 1e-6  # metres; first corners no farther than this from a plane need another one to span a volume
 MIN_PART_VOLUME = 1e-9  # m^3: a cubic millimetre; smaller slivers carry no contact and upset hull algorithms
 
 
@@ -138,7 +139,12 @@ def _thin(
     if len(corners) <= max(8, max_vertices) and tolerance == 0:
         chosen[:] = True
         return chosen, 0.0
-    chosen[(corners @ _FIRST_DIRECTIONS.T).argmax(axis=0)] = True
+    first = _FIRST_DIRECTIONS[: max(max_vertices // 2, 6)]
+    chosen[(corners @ first.T).argmax(axis=0)] = True
+    _, spread, axes = np.linalg.svd(corners[chosen] - corners[chosen].mean(axis=0))
+    if spread[-1] < FLAT:
+        height = corners @ axes[-1]
+        chosen[[height.argmin(), height.argmax()]] = True
     while True:
         hull = ConvexHull(corners[chosen])
         outside = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
@@ -194,9 +200,10 @@ def _vhacd(
 ) -> list[Float64[np.ndarray, "n 3"]]:
     import vhacdx  # Only where nothing is cached.
 
+    counted = np.insert(faces, 0, 3, axis=1)  # each face is preceded by its number of corners
     pieces = vhacdx.compute_vhacd(
         vertices,
-        faces.astype(np.uint32),
+        counted.ravel().astype(np.uint32),
         maxConvexHulls=config.max_parts,
         resolution=config.voxels,
         maxNumVerticesPerCH=config.max_vertices,
@@ -205,6 +212,11 @@ def _vhacd(
     return [np.asarray(points, np.float64) for points, _ in pieces]
 
 
+# The axes first, then the diagonals of the sides and of the cube.
 _FIRST_DIRECTIONS = np.array(
-    [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], np.float64
+    sorted(
+        ([x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)),
+        key=lambda direction: np.count_nonzero(direction),
+    ),
+    np.float64,
 )

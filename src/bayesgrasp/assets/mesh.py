@@ -9,6 +9,7 @@ still open (a bowl scanned from one side) becomes a shell of `SHELL_THICKNESS`.
 from __future__ import annotations
 
 import logging
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,9 +26,21 @@ log = logging.getLogger(__name__)
 FORMATS = (".ply", ".stl", ".obj", ".off")
 SHELL_THICKNESS = 0.0015  # metres
 MIN_EXTENT, MAX_EXTENT = 0.003, 2.0  # metres: an object outside this range is not in metres, or not for a hand
-SMALL_HOLE = 0.1  # perimeter of a hole that is filled, as a share of the diagonal of the bounding box
+SMALL_HOLE = 0.25  # perimeter of a hole that is filled, as a share of the diagonal of the bounding box
 DEBRIS = 1e-3  # share of the surface below which a separate body is dropped
 BOTTOM_SHARE = 0.1  # height of the band, as a share of the object's height, in which the gap below an object lies
+_PARSER_ERRORS = (  # Four unrelated parsers read the formats, and each fails in its own way on a damaged file.
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    NameError,
+    NotImplementedError,
+    OSError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
 
 
 @dataclass(frozen=True)
@@ -69,9 +82,8 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() not in FORMATS:
         raise AssetError(f"{path}: cannot read a '{path.suffix}' mesh; valid are {', '.join(FORMATS)}")
     try:
-        # Several unrelated parsers stand behind this call, each with its own way to fail on a damaged file.
         loaded = trimesh.load_mesh(path, process=False, skip_materials=True)
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, NotImplementedError, OSError) as error:
+    except _PARSER_ERRORS as error:
         raise AssetError(f"{path}: not a readable {path.suffix} mesh ({error})") from error
     if not isinstance(loaded, trimesh.Trimesh):
         raise AssetError(f"{path}: holds no triangle mesh")

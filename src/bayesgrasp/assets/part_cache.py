@@ -78,7 +78,7 @@ def _read(path: Path) -> Resting | None:
             return Resting(tuple(ConvexPart(v, f) for v, f in pieces), data["mesh_to_object"], float(data["floor"]))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         log.warning("%s is damaged and will be built again", path)
         return None
 

@@ -6,8 +6,9 @@ over the edge that the line lies beyond. Each tip lowers c, so the walk ends. It
 stands as it was scanned, so a can stays upright; it needs no physics engine, no time step and no randomness, and ends
 with the face exactly on the plane. A physics test of the catalogue confirms that objects stay where it puts them.
 
-A scanner cannot see the underside of what it scans, and fills it in: some scans bulge there by a few millimetres and
-would topple where the real object stood. Where one does, its underside is flattened, by as little as lets it stand.
+A scanner cannot see the underside of what it scans. What it fills in there is uneven, so that a box would rock on a
+bump and a tall bottle topple where the real one stood. So the underside is flattened, by the least share of the height
+that lets the object rest firmly as it was scanned; an object that none of `FLATTENING` makes firm settles as it is.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from scipy.spatial import ConvexHull
 from bayesgrasp.assets.convex import ConvexPart, hull_part
 from bayesgrasp.assets.object_asset import mass_properties
 
-AS_SCANNED = np.radians(15.0)  # an object that settles within this tilt rests as it was scanned
+FLATTENING = (0.0, 0.0025, 0.005, 0.01, 0.015, 0.02)  # shares of the height, tried in turn
+AS_SCANNED = np.radians(0.2)  # an object that settles within this tilt rests as it was scanned
+FIRM = np.radians(5.0)  # an object that withstands this tilt without touching with another face rests firmly
 CONTACT = 1e-5  # metres; corners lower than this touch the plane
-FLATTENING = (0.005, 0.01, 0.015, 0.02)  # shares of the height by which an underside is flattened, in turn
-SAFE_TILT = np.radians(3.0)  # a flattened object must withstand this tilt, or it is not the object's way to stand
 
 
 @dataclass(frozen=True)
@@ -49,23 +50,33 @@ class Resting:
 
 
 def rest(parts: tuple[ConvexPart, ...]) -> Resting:
-    """Settle an object, flattening its underside if it would otherwise leave the pose in which it was scanned."""
-    pose = settle(parts, mass_properties(parts)[0])
-    if pose[2, 2] < np.cos(AS_SCANNED):
-        heights = np.concatenate([part.vertices[:, 2] for part in parts])
-        for share in FLATTENING:
-            floor = float(heights.min() + share * np.ptp(heights))
-            flat = flatten(parts, floor)
-            stood = settle(flat, mass_properties(flat)[0])
-            if stood[2, 2] > np.cos(AS_SCANNED) and safe_tilt(flat, stood) > SAFE_TILT:
-                return Resting(flat, stood, floor)
-    return Resting(parts, pose, -np.inf)
+    """Settle an object, flattening its underside as little as lets it rest firmly as it was scanned."""
+    heights = np.concatenate([part.vertices[:, 2] for part in parts])
+    for share in FLATTENING:
+        floor = float(heights.min() + share * np.ptp(heights)) if share else -np.inf
+        flat = flatten(parts, floor) if share else parts
+        pose = settle(flat, mass_properties(flat)[0])
+        if pose[2, 2] >= np.cos(AS_SCANNED) and safe_tilt(flat, pose) >= FIRM:
+            return Resting(flat, pose, floor)
+    return Resting(parts, settle(parts, mass_properties(parts)[0]), -np.inf)
 
 
 def flatten(parts: Sequence[ConvexPart], floor: float) -> tuple[ConvexPart, ...]:
-    """Raise every corner below the height ``floor`` to it; parts wholly below vanish."""
-    clipped = [np.maximum(part.vertices, (-np.inf, -np.inf, floor)) for part in parts]
-    return tuple(hull_part(corners) for corners in clipped if corners[:, 2].max() > floor)
+    """Cut off what lies below the height ``floor``; parts that reach no higher vanish."""
+    return tuple(_cut(part, floor) for part in parts if part.vertices[:, 2].max() > floor + CONTACT)
+
+
+def _cut(part: ConvexPart, floor: float) -> ConvexPart:
+    height = part.vertices[:, 2] - floor
+    if height.min() >= 0:
+        return part
+    start, end = part.faces.reshape(-1), np.roll(part.faces, -1, axis=1).reshape(-1)
+    crossing = (height[start] > 0) & (height[end] < 0)
+    start, end = start[crossing], end[crossing]
+    share = (height[start] / (height[start] - height[end]))[:, None]
+    section = part.vertices[start] + share * (part.vertices[end] - part.vertices[start])
+    section[:, 2] = floor
+    return hull_part(np.concatenate([part.vertices[height > 0], section]))
 
 
 def safe_tilt(parts: Sequence[ConvexPart], mesh_to_object: Float64[np.ndarray, "4 4"]) -> float:
