@@ -127,19 +127,24 @@ class _progress:  # noqa: N801 - used like a function
         self.bar.update(self.task, advance=len(trials.outcomes), found=self.found)
 
 
+_HEADINGS = {"unreachable": "unrch", "collision": "colld", "no_contact": "empty", "dropped": "drop", "success": "succ"}
+
+
 def _print_table(summary: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    names = list(summary["outcomes"])
-    table = Table("object", "attempts", *(n.replace("_", " ") for n in names), "success", "95 % interval")
-    rows = {**summary["per_object"], "all": summary}
-    for name, row in rows.items():
+    names = [name for name in summary["outcomes"] if name != "diverged" or summary["outcomes"][name]]
+    table = Table(box=None, pad_edge=False)
+    table.add_column("object", no_wrap=True, overflow="fold")
+    for heading in ("n", *(_HEADINGS.get(name, name) for name in names), "rate", "95 %"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, row in {**summary["per_object"], "all": summary}.items():
         if row["attempts"]:
             low, high = row["interval"]
-            cells = [str(row["outcomes"][n]) for n in names]
-            rate = (f"{row['success_rate']:.2%}", f"{low:.2%} - {high:.2%}")
-            table.add_row(name, str(row["attempts"]), *cells, *rate, end_section=name == list(rows)[-2])
+            counts = [str(row["outcomes"][n]) for n in names]
+            rate = (f"{row['success_rate']:.2%}", f"{100 * low:.1f}-{100 * high:.1f}")
+            table.add_row(name[:22], str(row["attempts"]), *counts, *rate)
     Console().print(table)
     print(f"{summary['attempts_per_second']:.0f} attempts/s ({summary['seconds']:.1f} s)")
 

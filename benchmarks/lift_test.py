@@ -1,0 +1,101 @@
+"""Lift tests per second, side by side in one run.
+
+Prints attempts per second from the prior with and without screening, on one process and on two, physics steps per
+second, the share of each outcome, and the largest memory of a worker.
+
+    python benchmarks/lift_test.py --ycb-dir DIR [--attempts 10000] [--out results/lift_test.json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+from pathlib import Path
+from time import perf_counter, process_time
+
+import mujoco
+import numpy as np
+
+from bayesgrasp.assets.catalogue import load_objects
+from bayesgrasp.assets.object_asset import ObjectAsset
+from bayesgrasp.data.simulate import CHUNK, Priors, Trials, draw_attempts, simulate
+from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.seeding import generator
+from bayesgrasp.simulators.lift_test import LiftTest
+from bayesgrasp.types import Outcome
+
+
+def main() -> None:
+    """Measure and report."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--attempts", type=int, default=10000)
+    parser.add_argument("--split", default="train-ycb")
+    parser.add_argument("--ycb-dir", type=Path, default=None)
+    parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--out", type=Path, default=None)
+    options = parser.parse_args()
+
+    objects = load_objects(options.split, options.ycb_dir)
+    plain = max(CHUNK, options.attempts // 10)
+    report: dict[str, object] = {
+        "objects": len(objects),
+        "attempts_per_second": {
+            "screening, 1 process": rate(objects, options.attempts // 2, options.seed, 1, True)[0],
+            "screening, 2 processes": 0.0,
+            "no screening, 1 process": rate(objects, plain, options.seed, 1, False)[0],
+            "no screening, 2 processes": rate(objects, plain, options.seed, 2, False)[0],
+        },
+        "physics_steps_per_second": steps_per_second(objects, options.seed),
+    }
+    speed, trials = rate(objects, options.attempts, options.seed, 2, True)
+    report["attempts_per_second"]["screening, 2 processes"] = speed  # type: ignore[index]
+    report["outcomes"] = {o.name.lower(): float((trials.outcomes == o).mean()) for o in Outcome}
+    report["success_interval"] = wilson(trials.successes, len(trials.outcomes))
+    report["memory_mib_per_worker"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    report["command"] = (
+        f"python benchmarks/lift_test.py --attempts {options.attempts} --split {options.split} --ycb-dir DIR"
+    )
+    text = json.dumps(report, indent=2)
+    print(text)
+    if options.out is not None:
+        options.out.write_text(text + "\n")
+
+
+def rate(
+    objects: tuple[ObjectAsset, ...], attempts: int, seed: int, workers: int, screening: bool
+) -> tuple[float, Trials]:
+    """Attempts per second of wall-clock time, after the first chunk of every worker (which compiles models)."""
+    marks: list[tuple[float, int]] = []
+    trials = simulate(
+        objects,
+        attempts + 2 * workers * CHUNK,
+        seed,
+        workers,
+        screening=screening,
+        progress=lambda part: marks.append((perf_counter(), len(part.outcomes))),
+    )
+    warm = 2 * workers
+    done = sum(count for _, count in marks[warm:])
+    return done / (marks[-1][0] - marks[warm - 1][0]), trials
+
+
+def steps_per_second(objects: tuple[ObjectAsset, ...], seed: int) -> float:
+    """Physics steps per second of processor time while hands close on objects and lift them."""
+    lift_test = LiftTest(objects)
+    attempts = draw_attempts(1000, len(objects), Priors(), generator(seed, 10**6))
+    outcomes = lift_test.run(attempts)
+    touched = np.flatnonzero((outcomes == Outcome.SUCCESS) | (outcomes == Outcome.DROPPED))[:30]
+    steps = [0]
+
+    def count(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        steps[0] += round(lift_test.config.lift.control_period / model.opt.timestep)
+
+    start = process_time()
+    for row in touched:
+        lift_test.observe(attempts[[row]], count)
+    return steps[0] / (process_time() - start)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""The simulate command: JSON for machines, a table for people, one clear error for wrong input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bayesgrasp.assets.catalogue import load_objects
+from bayesgrasp.cli.main import main
+from bayesgrasp.data.simulate import CHUNK, Priors, simulate
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.types import Outcome
+
+
+def run(*args: str) -> None:
+    main(["simulate", *args])
+
+
+def fails(capsys: pytest.CaptureFixture[str], *args: str) -> str:
+    with pytest.raises(SystemExit) as exit_info:
+        run(*args)
+    assert exit_info.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_json_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report, picture = tmp_path / "report.json", tmp_path / "film.png"
+    options = ("--attempts", "300", "--split", "household_drink_can", "--workers", "1", "--seed", "3")
+    run(*options, "--json", str(report), "--video", str(picture))
+    summary = json.loads(report.read_text())
+    assert summary["attempts"] == 300
+    assert sum(summary["outcomes"].values()) == 300
+    assert set(summary["outcomes"]) == {o.name.lower() for o in Outcome}
+    assert summary["success_rate"] == summary["outcomes"]["success"] / 300
+    assert summary["attempts_per_second"] > 0
+    assert summary["per_object"]["household_drink_can"]["outcomes"] == summary["outcomes"]
+    assert "household_drink_can" in capsys.readouterr().out
+    image = np.asarray(Image.open(picture))
+    assert image.std() > 10, "the picture shows something"
+
+
+def test_same_seed_same_result_for_any_number_of_workers() -> None:
+    objects = load_objects(["household_ball", "household_tea_box"])
+    alone = simulate(objects, CHUNK + 50, seed=5, workers=1)
+    together = simulate(objects, CHUNK + 50, seed=5, workers=2)
+    np.testing.assert_array_equal(alone.outcomes, together.outcomes)
+    for name, column in alone.attempts.columns().items():
+        np.testing.assert_array_equal(column, together.attempts.columns()[name], err_msg=name)
+    other = simulate(objects, 50, seed=6)
+    assert not np.array_equal(other.attempts.position, alone.attempts.position[:50])
+
+
+def test_wrong_input_is_one_clear_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert "no_such_thing" in fails(capsys, "--split", "no_such_thing")
+    assert "attempt" in fails(capsys, "--split", "household_ball", "--attempts", "0")
+    assert "no directory" in fails(capsys, "--split", "household_ball", "--json", str(tmp_path / "no" / "x.json"))
+    assert ".png or .gif" in fails(capsys, "--split", "household_ball", "--video", str(tmp_path / "x.mp4"))
+    assert "mass" in fails(capsys, "--mesh", str(tmp_path / "x.stl"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_simulation_needs_something_to_do() -> None:
+    with pytest.raises(InvalidConfigurationError, match="at least one"):
+        simulate((), 10, 0)
+    with pytest.raises(InvalidConfigurationError, match="at least one"):
+        simulate(load_objects(["household_ball"]), 10, 0, workers=0, priors=Priors())
