@@ -72,7 +72,7 @@ def _cached(path: Path, build: Callable[[], Resting], name: str) -> Resting:
 
 def _read(path: Path) -> Resting | None:
     try:
-        with np.load(path) as data:
+        with path.open("rb") as file, np.load(file) as data:
             cuts, first = data["vertex_counts"].cumsum()[:-1], data["face_counts"].cumsum()[:-1]
             pieces = zip(np.split(data["vertices"], cuts), np.split(data["faces"], first), strict=True)
             return Resting(tuple(ConvexPart(v, f) for v, f in pieces), data["mesh_to_object"], float(data["floor"]))
