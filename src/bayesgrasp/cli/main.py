@@ -38,10 +38,12 @@ class Command:
 
 # In the order in which one would use them.
 COMMANDS: dict[str, Command] = {
+    "plan": Command("plan:plan", "Plan grasps from a depth image."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
     "objects show": Command("objects:show", "Describe one object and draw it, its mesh and its convex parts."),
     "objects fetch": Command("objects:fetch", "Download YCB scans from the official archives."),
     "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
+    "render": Command("render:render", "Render the depth image of an object on the table."),
     "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
     "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
