@@ -44,6 +44,10 @@ COMMANDS: dict[str, Command] = {
     "objects fetch": Command("objects:fetch", "Download YCB scans from the official archives."),
     "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
     "render": Command("render:render", "Render the depth image of an object on the table."),
+    "practice": Command(
+        "practice:practice",
+        "Try the hands that a model proposes for new images, and keep the outcomes as training data.",
+    ),
     "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
     "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),

@@ -74,7 +74,7 @@ class Recipe:
     def __call__(self) -> Callable[[Task], Done]:
         """The function that a worker runs for every task."""
         maker = ChunkMaker(self.build(), self.config, self.seed, self.scene)
-        return lambda task: _finish(maker.make(task.chunk, task.rows, task.proposal), task.chunk)
+        return lambda task: finish(maker.make(task.chunk, task.rows, task.proposal), task.chunk)
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,8 @@ def totals(entries: dict[int, Entry]) -> dict[str, Any]:
     }
 
 
-def _finish(chunk: Chunk, number: int) -> Done:
+def finish(chunk: Chunk, number: int) -> Done:
+    """Encode a chunk and count its outcomes."""
     shard = encode(chunk, number)
     attempts = chunk.attempts
     outcomes = {
