@@ -16,7 +16,16 @@ from bayesgrasp.assets.part_cache import peek
 SHARED = Path(__file__).parents[2] / "shared" / "objects" / "ycb"
 SCANS = ycb.scans(SHARED) if SHARED.is_dir() else {}
 # Cut in a second or two; the others take up to half a minute each and are tested where the cache has them.
-QUICK = ("008_pudding_box", "016_pear", "036_wood_block", "053_mini_soccer_ball", "055_baseball", "056_tennis_ball")
+QUICK = (
+    "004_sugar_box",
+    "007_tuna_fish_can",
+    "008_pudding_box",
+    "016_pear",
+    "036_wood_block",
+    "053_mini_soccer_ball",
+    "055_baseball",
+    "056_tennis_ball",
+)
 HOLLOW = {"024_bowl": 0.045, "025_mug": 0.06, "065-j_cups": 0.06}  # heights in the open cavity, metres
 MAX_PARTS, MAX_CORNERS = 32, 200
 
