@@ -57,6 +57,10 @@ class Posterior:
     success_probability: Callable[[Tensor], Tensor]
 
 
+QUICK = AscentConfig(starts_per_type=4, steps=12, decrease_tolerance=1e-3, gradient_tolerance=1e-2)
+"""More starts than Algorithm 2, and no more precision than a robot can use."""
+
+
 @dataclass(frozen=True)
 class PlannerConfig:
     """Cost and behaviour of a plan.
@@ -72,7 +76,7 @@ class PlannerConfig:
     """
 
     num_draws: int = 1000
-    ascent: AscentConfig = field(default_factory=lambda: AscentConfig(starts_per_type=4, steps=12))
+    ascent: AscentConfig = QUICK
     fallbacks: int = 30
     alignment: float = 0.35
     selection: SelectionConfig = field(default_factory=SelectionConfig)
@@ -155,7 +159,8 @@ class _Planning:
         with self._stage("scene"):
             surface = self.planner.reader.read(image)
             reason = surface.problem()
-            unfamiliarity = None if reason else self._unfamiliarity(surface)
+            image = self.planner.reader.cleared(image, surface)
+            unfamiliarity = None if reason else self._unfamiliarity(self.planner.reader.read(image))
         grasps: tuple[Grasp, ...] = ()
         drawn = None
         if reason is None:

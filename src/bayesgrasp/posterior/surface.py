@@ -26,20 +26,25 @@ class SurfaceConfig:
         ceiling: Points higher than this are ignored (the arm, a lamp), metres.
         reach: Half side of the square around the workspace centre in which things are looked for, metres.
         workspace: Half side of the square that an object's middle must be in, metres.
+        surroundings: Only the table is expected farther than this around the object, metres.
         min_pixels: Fewer pixels in one piece are noise.
+        near, far: Range of the images, metres.
     """
 
     table_thickness: float = 0.012
     ceiling: float = 0.45
     reach: float = 0.35
     workspace: float = 0.12
+    surroundings: float = 0.10
     min_pixels: int = 25
+    near: float = 0.45
+    far: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0 < self.table_thickness < self.ceiling or not 0 < self.workspace <= self.reach:
             raise InvalidConfigurationError("need 0 < table_thickness < ceiling and 0 < workspace <= reach, in metres")
-        if self.min_pixels < 1:
-            raise InvalidConfigurationError(f"min_pixels must be positive, got {self.min_pixels}")
+        if self.min_pixels < 1 or self.surroundings <= 0 or not 0 < self.near < self.far:
+            raise InvalidConfigurationError("need min_pixels >= 1, surroundings > 0 and 0 < near < far")
 
 
 @dataclass(frozen=True)
@@ -105,12 +110,33 @@ class SurfaceReader:
         self.config = config or SurfaceConfig()
         self._rays = (camera.rays() @ camera.pose[:3, :3].T).astype(np.float32)
         self._origin = camera.pose[:3, 3].astype(np.float32)
+        down = np.maximum(-self._rays[..., 2], 1e-6)
+        table = self._origin[2] / down
+        self._table_points = table[..., None] * self._rays + self._origin
+        self._table = np.where((table >= self.config.near) & (table <= self.config.far), table, np.float32(0.0))
 
     def read(self, depth: Float32[np.ndarray, "h w"]) -> Surface:
         """The surface of a depth image (metres, 0 = no return)."""
         valid = depth > 0
         points = np.where(valid, depth, np.nan)[..., None] * self._rays + self._origin
         return Surface(points, valid, self._item(points), self.config)
+
+    def cleared(self, depth: Float32[np.ndarray, "h w"], surface: Surface) -> Float32[np.ndarray, "h w"]:
+        """The image with the bare table in place of whatever stands, or was not seen, away from the object.
+
+        The sensor model knows one object on an empty table: another robot at the edge of a real image is not what the
+        posterior is about. The object and its surroundings stay as they were measured.
+        """
+        if not surface.item.any():
+            return depth
+        config, footprint = self.config, surface.item_points[:, :2]
+        low, high = footprint.min(0) - config.surroundings, footprint.max(0) + config.surroundings
+        place = np.where(surface.valid[..., None], surface.points, self._table_points)[..., :2]
+        away = ((place < low) | (place > high)).any(-1)
+        with np.errstate(invalid="ignore"):
+            # Generous, so that a table seen by a camera that is slightly off its stated pose is left alone.
+            table = np.abs(surface.points[..., 2]) < 3 * config.table_thickness
+        return np.where(away & ~table, self._table, depth)
 
     def _item(self, points: Float32[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
         """The piece of the non-table pixels whose middle is nearest to the workspace centre."""
