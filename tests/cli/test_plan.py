@@ -1,0 +1,156 @@
+"""``bayesgrasp plan`` and ``bayesgrasp.load`` from files to files, with weights that were never trained."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from box_scene import Box, box_depth_image
+
+import bayesgrasp
+from bayesgrasp.cli.loading import canonical_view, success_probability, trained_prior
+from bayesgrasp.cli.main import main
+from bayesgrasp.errors import CheckpointError
+from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.ratio.checkpoint import Origin, save_model
+from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, MetricConfig, MetricRatio
+from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.simulators.depth_files import write_depth_png
+from bayesgrasp.simulators.preprocess import preprocess
+from bayesgrasp.types import GraspType
+
+
+def untrained(kind: type, config: object) -> torch.nn.Module:
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        return kind(config)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A model, a depth image and a camera file, in one directory."""
+    directory = tmp_path_factory.mktemp("plan")
+    origin = Origin(prior={"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0})
+    save_model(directory / "model", {"success": untrained(GlobalSuccess, ImageConfig())}, origin)
+    camera = canonical_camera()
+    write_depth_png(directory / "depth.png", box_depth_image(camera, (Box(x=0.02),)))
+    np.save(directory / "empty.npy", box_depth_image(camera))
+    camera.save(directory / "camera.json")
+    return directory
+
+
+def command(files, *extra: str, depth: str = "depth.png", camera: str = "camera.json") -> None:
+    paths = ("--depth", str(files / depth), "--camera", str(files / camera), "--model", str(files / "model"))
+    main(["plan", *paths, *extra])
+
+
+def test_plan_prints_ranked_grasps_and_writes_json_and_figure(files, tmp_path, capsys) -> None:
+    json_file, figure = tmp_path / "plan.json", tmp_path / "plan.png"
+    command(files, "--top", "3", "--samples", "200", "--json", str(json_file), "--figure", str(figure))
+    printed = capsys.readouterr().out
+    content = json.loads(json_file.read_text())
+    assert 1 <= len(content["grasps"]) <= 3
+    assert f"{len(content['grasps'])}. " in printed
+    assert "planned in" in printed
+    assert content["reason"] is None
+    assert content["posterior"]["samples"] == 200
+    assert content["timings_ms"]["total"] > 0
+    assert figure.stat().st_size > 20_000
+    for grasp in content["grasps"]:
+        assert GraspType[grasp["grasp_type"].upper()] in GraspType
+        assert math.isfinite(grasp["log_posterior"])
+        assert 0 <= grasp["success_probability"] <= 1
+        joints = [q for phase in grasp["joint_path"] for q in phase["joints"]]
+        assert {len(q) for q in joints} == {6}
+
+
+def test_an_empty_table_is_an_answer_with_a_reason(files, tmp_path, capsys) -> None:
+    command(files, "--json", str(tmp_path / "plan.json"), depth="empty.npy")
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["grasps"] == []
+    assert "nothing on the table" in content["reason"]
+    assert "no grasp: nothing on the table" in capsys.readouterr().out
+
+
+def test_a_camera_without_a_pose_is_enough(files, tmp_path, capsys) -> None:
+    canonical_camera().with_pose(None).save(files / "no_pose.json")
+    command(files, "--json", str(tmp_path / "plan.json"), camera="no_pose.json")
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["grasps"]
+    assert any("camera_to_world was not given" in warning for warning in content["warnings"])
+    # In the camera frame the hand is in front of the camera, near the object.
+    assert 0.3 < content["grasps"][0]["in_camera_frame"]["position"][2] < 0.9
+    assert "warning: camera_to_world" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"depth": "missing.png"}, "missing.png"),
+        ({"camera": "missing.json"}, "missing.json"),
+        ({"camera": "depth.png"}, "depth.png"),
+    ],
+)
+def test_wrong_files_are_one_line_and_exit_code_2(files, capsys, change, words) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        command(files, **change)
+    error = capsys.readouterr().err
+    assert stopped.value.code == 2
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_nothing_is_planned_for_outputs_that_cannot_be_written(files, capsys, tmp_path) -> None:
+    for option in (("--json", str(tmp_path / "no" / "plan.json")), ("--figure", str(tmp_path / "plan.gif"))):
+        with pytest.raises(SystemExit):
+            command(files, *option)
+        assert option[1] in capsys.readouterr().err
+
+
+def test_a_model_for_another_gripper_is_refused(files, tmp_path) -> None:
+    save_model(tmp_path, {"success": untrained(GlobalSuccess, ImageConfig())}, Origin(gripper="two-finger"))
+    with pytest.raises(CheckpointError, match="two-finger"):
+        bayesgrasp.load(tmp_path)
+    with pytest.raises(CheckpointError, match="no model"):
+        bayesgrasp.load(tmp_path / "nowhere")
+
+
+def test_load_plans_from_arrays_as_the_command_does_from_files(files) -> None:
+    camera = canonical_camera()
+    depth = box_depth_image(camera, (Box(x=0.02),))
+    plan = bayesgrasp.load(files / "model").plan(depth, camera.matrix, camera.pose, top=2)
+    assert len(plan.grasps) == 2
+    for grasp in plan.grasps:
+        assert grasp.motion.approach.shape[1] == 6
+        np.testing.assert_allclose(grasp.hand_to_world[:3, :3] @ grasp.hand_to_world[:3, :3].T, np.eye(3), atol=1e-5)
+
+
+def test_the_canonical_camera_is_taken_as_it_is_and_another_one_is_reprojected() -> None:
+    view = canonical_view()
+    boxes = (Box(x=0.02, y=0.01),)
+    expected = preprocess(box_depth_image(canonical_camera(), boxes))
+    np.testing.assert_array_equal(view(box_depth_image(canonical_camera(), boxes), canonical_camera()), expected)
+    pose = look_at(np.array([0.35, 0.05, 0.75]), np.array([0.0, 0.0, 0.05]))
+    other = Camera(width=800, height=600, fx=700.0, fy=700.0, cx=399.5, cy=299.5, camera_to_world=pose)
+    seen = view(box_depth_image(other, boxes), other)
+    both = (seen > 0) & (expected > 0)
+    assert both.mean() > 0.95 * (expected > 0).mean()
+    assert np.percentile(np.abs(seen - expected)[both], 95) < 0.003
+
+
+def test_success_probability_of_both_kinds_of_model() -> None:
+    values = torch.tensor([math.log(0.5), -math.inf, 5.0])
+    alone = GraspModel({"success": untrained(GlobalSuccess, ImageConfig())}, {})
+    torch.testing.assert_close(success_probability(alone)(values), torch.tensor([0.5, 0.0, 1.0]))
+    parts = {"image": untrained(ImageRatio, ImageConfig()), "metric": untrained(MetricRatio, MetricConfig())}
+    factorised = GraspModel(parts, {"success_rate": 0.01})
+    torch.testing.assert_close(success_probability(factorised)(values), torch.tensor([0.005, 0.0, 1.0]))
+
+
+def test_the_prior_is_that_of_the_card() -> None:
+    assert trained_prior({"prior": {"z": [0.2, 0.3], "types": [0, 2]}}) == GraspPrior(z=(0.2, 0.3), types=(0, 2))
+    with pytest.raises(CheckpointError, match="prior"):
+        trained_prior({"prior": {"shape": "round"}})
