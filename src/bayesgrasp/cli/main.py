@@ -50,6 +50,10 @@ COMMANDS: dict[str, Command] = {
     ),
     "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
     "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
+    "benchmark": Command(
+        "benchmark:benchmark", "Measure the success rates of the paper's strategies and of two baselines."
+    ),
+    "data inspect": Command("data:inspect", "Report what a data set holds, and draw some of its images with their hands."),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
 }
 

@@ -1,0 +1,187 @@
+"""``bayesgrasp benchmark``: every strategy of the paper's table and the baselines, on the same scenes."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bayesgrasp.benchmark.journal import SceneResult
+    from bayesgrasp.benchmark.runner import Benchmark, Contestants
+    from bayesgrasp.benchmark.strategies import SearchConfig
+
+
+def benchmark(
+    model: Path | None = None,
+    attempts: int = 1000,
+    split: str = "train",
+    ycb_dir: Path | None = None,
+    mesh: Path | None = None,
+    mass: float | None = None,
+    seed: int = 0,
+    strategies: tuple[str, ...] = (),
+    starts: int = 1,
+    steps: int = 20,
+    workers: int = os.cpu_count() or 1,
+    json: Path | None = None,
+    out: Path | None = None,
+    resume: bool = False,
+    failures: int = 0,
+) -> None:
+    """Measure the success rates of the paper's strategies and of two baselines.
+
+    All strategies meet the same scenes; nuisances are drawn anew for every scene; success is judged by the lift test.
+    Grasps that the arm cannot reach are failures and counted apart. With --out every finished scene is kept, and a run
+    that was interrupted goes on with --resume; a resumed run may have more attempts.
+
+    Args:
+        model: Directory of a trained model; by default the one that comes with the package.
+        attempts: Scenes, which is attempts of each strategy; objects take turns.
+        split: train, train-ycb, unseen, household, stand-ins, other, all, or one object's id.
+        ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+        mesh: A mesh file to use instead (metres, z upwards); needs --mass.
+        mass: Its mass, kg.
+        seed: Same seed, same scenes and plans, for any number of workers.
+        strategies: Which ones; by default all of them.
+        starts: Ascents for each grasp type; the paper's search has 1.
+        steps: Of each ascent; the paper's search has 20.
+        workers: Processes.
+        json: Write the summary to this file.
+        out: Directory for results: scenes.jsonl, summary.json, table.md, per_object.md and figures.
+        resume: Go on with the run in --out, or start it where there is none.
+        failures: With --out, picture this many failures of the MAP from one image: failures.png.
+    """
+    from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.benchmark.runner import Benchmark, skipped
+    from bayesgrasp.benchmark.strategies import STRATEGIES
+    from bayesgrasp.benchmark.tables import markdown, summarize
+    from bayesgrasp.cli.loading import DEFAULT_MODEL
+    from bayesgrasp.ratio.checkpoint import read_card
+
+    _check_outputs(json, out, resume, failures)
+    directory = DEFAULT_MODEL if model is None else model
+    card = read_card(directory)
+    chosen = Benchmark(
+        load_objects(split, ycb_dir, mesh, mass),
+        LoadModel(directory),
+        tuple(dict.fromkeys(strategies)) or STRATEGIES,
+        seed,
+        _search(starts, steps),
+    )
+    reasons = skipped(chosen, card)
+    for name, reason in reasons.items():
+        print(f"{name}: skipped: {reason}")
+    results = run_with_progress(chosen, card, attempts, workers, out, resume)
+    origin = {"seed": seed, "split": split, "starts": starts, "steps": steps, "data": card.get("data")}
+    summary = {**origin, "commit": card.get("commit"), **summarize(results, reasons)}
+    print(markdown(summary, split), end="")
+    if json is not None:
+        json.write_text(json_module.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    if out is not None:
+        write_results(summary, out, split)
+        _write_failures(chosen, results, failures, out / "failures.png")
+
+
+@dataclass(frozen=True)
+class LoadModel:
+    """Loads model and planner in a worker process; picklable.
+
+    Attributes:
+        directory: Of the model.
+    """
+
+    directory: Path
+
+    def __call__(self) -> Contestants:
+        """Load them."""
+        from bayesgrasp.benchmark.runner import Contestants
+        from bayesgrasp.cli.loading import load_planner
+        from bayesgrasp.ratio.checkpoint import load_model
+
+        return Contestants(load_model(self.directory), load_planner(self.directory))
+
+
+def run_with_progress(
+    chosen: Benchmark, card: dict[str, Any], attempts: int, workers: int, out: Path | None, resume: bool
+) -> tuple[SceneResult, ...]:
+    """Run a benchmark under a progress bar, with a journal in ``out``."""
+    from bayesgrasp.benchmark.journal import Journal
+    from bayesgrasp.benchmark.runner import run
+
+    journal = None if out is None else Journal(out, chosen.identity(card), resume)
+    with _progress(attempts) as advance:
+        return run(chosen, attempts, workers, journal, advance)
+
+
+def write_results(summary: dict[str, Any], out: Path, split: str) -> None:
+    """Summary, tables and figures of a finished run."""
+    from bayesgrasp.benchmark.figures import plot_ladder, plot_per_object
+    from bayesgrasp.benchmark.tables import markdown, markdown_per_object
+
+    (out / "summary.json").write_text(json_module.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    (out / "table.md").write_text(markdown(summary, split), encoding="utf-8")
+    (out / "per_object.md").write_text(markdown_per_object(summary), encoding="utf-8")
+    plot_ladder(summary, out / "ladder.png", split)
+    plot_per_object(summary, out / "per_object.png")
+    print(f"wrote {out}")
+
+
+def _search(starts: int, steps: int) -> SearchConfig:
+    from bayesgrasp.benchmark.strategies import SearchConfig
+    from bayesgrasp.posterior.ascent import AscentConfig
+
+    return SearchConfig(ascent=AscentConfig(starts_per_type=starts, steps=steps))
+
+
+def _check_outputs(json: Path | None, out: Path | None, resume: bool, failures: int) -> None:
+    """Refuse before the work, not after it."""
+    from bayesgrasp.errors import InvalidConfigurationError
+
+    if json is not None and not json.resolve().parent.is_dir():
+        raise InvalidConfigurationError(f"cannot write {json}: there is no directory {json.resolve().parent}")
+    if out is None and (resume or failures):
+        raise InvalidConfigurationError("--resume and --failures need the directory of the run: give --out")
+
+
+def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: int, path: Path) -> None:
+    """Rows of frames of failed grasps that reached physics, by object."""
+    from PIL import Image
+
+    from bayesgrasp.types import Outcome
+    from bayesgrasp.viewer.film import film_sheet
+
+    name = "map_image"
+    moved = {outcome.name.lower() for outcome in (Outcome.NO_CONTACT, Outcome.DROPPED)}
+    failed = [r for r in results if name in r.trials and r.trials[name].outcome in moved]
+    attempts = [a for r in sorted(failed, key=lambda r: r.object)[:count] if (a := r.attempt(name)) is not None]
+    if attempts:
+        Image.fromarray(film_sheet(chosen.objects, attempts)).save(path)
+        print(f"wrote {path}: {', '.join(chosen.objects[int(a.object_index[0])].id for a in attempts)}")
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[SceneResult], None]]:
+    """A progress bar over scenes, with the successes of the MAP from one image so far."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[found]}"))
+    counts: dict[str, list[int]] = {}
+    with Bar(*columns, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()) as bar:
+        task = bar.add_task("", total=total, found="")
+
+        def advance(result: SceneResult) -> None:
+            for name, trial in result.trials.items():
+                done = counts.setdefault(name, [0, 0])
+                done[0] += trial.success
+                done[1] += 1
+            name = "map_image" if "map_image" in counts else next(iter(counts), "")
+            found = f"{name} {counts[name][0]}/{counts[name][1]}" if name else ""
+            bar.update(task, advance=1, found=found)
+
+        yield advance
