@@ -53,7 +53,10 @@ COMMANDS: dict[str, Command] = {
     "benchmark": Command(
         "benchmark:benchmark", "Measure the success rates of the paper's strategies and of two baselines."
     ),
-    "data inspect": Command("data:inspect", "Report what a data set holds, and draw some of its images with their hands."),
+    "data inspect": Command(
+        "data:inspect", "Report what a data set holds, and draw some of its images with their hands."
+    ),
+    "diagnose": Command("diagnose:diagnose", "Judge a trained posterior: coverage, SBC, TARP, reliability."),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
 }
 

@@ -131,17 +131,6 @@ class GraspModel:
         image_ratio, metric = self._role("image"), self._role("metric")
         return FactorisedRatio(image_ratio, metric, self._encode("image", image))
 
-    def success_probability(self, log_ratio: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
-        """p(S=1 | i, h) from the values of `given_image`.
-
-        Exact for a `success` estimator. The factorised ratio knows p(S=1 | i, h) only up to p(S=1 | i) / p(S=1), which
-        is taken as 1: too low where the object is easy, too high where it is hard. NaN if p(S=1) is unknown.
-        """
-        if "success" in self.estimators:
-            return log_ratio.exp()
-        rate = self.card.get("success_rate")
-        return (log_ratio.exp() * (float("nan") if rate is None else rate)).clamp(max=1.0)
-
     def given_image_jointly(self, image: Float[Tensor, "1 height width"]) -> JointGivenImage:
         """The same by one network over (S, i), the ablation."""
         return JointGivenImage(self._role("joint"), self._encode("joint", image))
