@@ -1,7 +1,8 @@
 """Compiled loops of the structured-light model: what a pixel is matched to, whether it is lit, what it returns.
 
 1. Edge. The pixel looks at a place moved by smooth noise with the published lateral deviation. If the disparity jumps
-   on the way (more than the slope of its own surface explains), it takes the surface found there: edges wander.
+   on the way (more than the slope of its own surface explains), it takes the surface found there: edges wander. On the
+   table it also takes the light or shadow found there.
 2. Window. The share of the correlation window with about the same disparity must reach the minimum support. A pixel
    without it is matched to the other surface in the window if that one has the support (a thin rod vanishes into its
    background), and to nothing otherwise.
@@ -116,18 +117,24 @@ def windowed_disparity(region, constants, row, column):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def moved_pixel(view, planes, region, noise_v, noise_u, constants, row, column):
-    """The pixel of the region whose surface pixel (row, column) of the image takes: itself, except near edges."""
-    r, c = row - region.row, column - region.column
-    plane = region.plane[r, c]
-    tilt = np.arccos(max(cosine_at(view, planes, plane, column, row), COS_STEEPEST))
+def moved_pixel(view, planes, region, noise_v, noise_u, constants, r, c):
+    """Row and column in the region of the place that pixel (r, c) of the region looks at."""
+    plane, u, v = region.plane[r, c], c + region.column, r + region.row
+    tilt = np.arccos(max(cosine_at(view, planes, plane, u, v), COS_STEEPEST))
     sigma = constants.lateral_gain * (0.8 + 0.035 * tilt / (np.pi / 2 - tilt))
-    r2 = min(max(r + edge_shift(sigma, noise_v), 0), region.plane.shape[0] - 1)
-    c2 = min(max(c + edge_shift(sigma, noise_u), 0), region.plane.shape[1] - 1)
-    expected = inverse_depth_at(view, planes, plane, c2 + region.column, r2 + region.row)
-    if abs(region.inverse_depth[r2, c2] - expected) * DEPTH_CONSTANT > constants.edge_step:
-        return r2, c2
-    return r, c
+    moved_r = min(max(r + edge_shift(sigma, noise_v), 0), region.plane.shape[0] - 1)
+    moved_c = min(max(c + edge_shift(sigma, noise_u), 0), region.plane.shape[1] - 1)
+    return moved_r, moved_c
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def is_edge(view, planes, region, constants, r, c, moved_r, moved_c):
+    """Whether disparity jumps from a pixel of the region to another one, beyond the slope of its own surface."""
+    if region.plane[r, c] == TABLE and region.plane[moved_r, moved_c] == TABLE:
+        return False
+    expected = inverse_depth_at(view, planes, region.plane[r, c], moved_c + region.column, moved_r + region.row)
+    return abs(region.inverse_depth[moved_r, moved_c] - expected) * DEPTH_CONSTANT > constants.edge_step
 
 
 @no_type_check
@@ -158,25 +165,30 @@ def match(view, planes, region, noise, constants, spans, rows, columns, with_sha
     origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     by_row = lattice_weights(rows, region.row, constants.noise_pitch)
     by_column = lattice_weights(columns, region.column, constants.noise_pitch)
-    used = 0
-    for i in range(count):
-        k, j = i // len(columns), i % len(columns)
-        noise_v = interpolate(noise[0], by_row, by_column, k, j)
-        noise_u = interpolate(noise[1], by_row, by_column, k, j)
-        r, c = moved_pixel(view, planes, region, noise_v, noise_u, constants, rows[k], columns[j])
-        q, plane = 0.0, TABLE
-        if region.inverse_depth[r, c] > 0:
-            q, plane = windowed_disparity(region, constants, r, c)
-        u, v = c + region.column, r + region.row
-        cosine[i] = cosine_at(view, planes, plane, u, v)
-        if with_shadow and q > 0 and spans[v, 0] <= u < spans[v, 1]:
-            w = q / DEPTH_CONSTANT
-            if shadow_ray(view, planes, plane, u, v, w, origins[used], directions[used]):
-                ray[i] = used
-                used += 1
-            else:
-                q = 0.0
-        disparity[i] = q
+    i, used = -1, 0
+    for k in range(len(rows)):
+        for j in range(len(columns)):
+            i += 1
+            r, c = rows[k] - region.row, columns[j] - region.column
+            noise_v = interpolate(noise[0], by_row, by_column, k, j)
+            noise_u = interpolate(noise[1], by_row, by_column, k, j)
+            at_r, at_c = moved_pixel(view, planes, region, noise_v, noise_u, constants, r, c)
+            if is_edge(view, planes, region, constants, r, c, at_r, at_c):
+                r, c = at_r, at_c
+            if region.inverse_depth[r, c] <= 0:
+                continue
+            disparity[i], plane = windowed_disparity(region, constants, r, c)
+            u, v, w = c + region.column, r + region.row, disparity[i] / DEPTH_CONSTANT
+            cosine[i] = cosine_at(view, planes, plane, u, v)
+            if plane == TABLE:  # the edges of shadows wander too
+                u, v = at_c + region.column, at_r + region.row
+                w = inverse_depth_at(view, planes, TABLE, u, v)
+            if with_shadow and disparity[i] > 0 and w > 0 and spans[v, 0] <= u < spans[v, 1]:
+                if shadow_ray(view, planes, plane, u, v, w, origins[used], directions[used]):
+                    ray[i] = used
+                    used += 1
+                else:
+                    disparity[i] = 0.0
     return Matches(disparity, cosine, ray, origins[:used], directions[:used])
 
 
