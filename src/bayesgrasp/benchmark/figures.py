@@ -89,7 +89,7 @@ def _object_bars(
 
 
 def _label(name: str) -> str:
-    return LABELS[name].replace("\\|", "|").split(",  mesh")[0]
+    return LABELS[name].replace("\\|", "|")
 
 
 def _short(name: str) -> str:

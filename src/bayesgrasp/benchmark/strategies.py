@@ -27,6 +27,7 @@ from bayesgrasp.benchmark.scenes import Situation
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.posterior.ascent import AscentConfig, find_map
+from bayesgrasp.posterior.plan import Plan
 from bayesgrasp.posterior.planner import Planner
 from bayesgrasp.posterior.potential import (
     LogDensity,
@@ -105,14 +106,18 @@ def planned(planner: Planner) -> Choose:
 
     def choose(situation: Situation, rng: np.random.Generator) -> Hands | None:
         seed = int(rng.integers(2**31))
-        plan = planner.plan(situation.depth, canonical_camera(), top=1, seed=seed)
-        if not plan.grasps:
-            return None
-        pose = torch.from_numpy(plan.grasps[0].hand_to_world).float()
-        types = torch.tensor([int(plan.grasps[0].grasp_type)])
-        return Hands(pose[None, :3, 3], pose[None, :3, :3], types)
+        return first_grasp(planner.plan(situation.depth, canonical_camera(), top=1, seed=seed))
 
     return choose
+
+
+def first_grasp(plan: Plan) -> Hands | None:
+    """The hand of a plan's best grasp, batch shape (1,); None where there is no grasp."""
+    if not plan.grasps:
+        return None
+    pose = torch.from_numpy(plan.grasps[0].hand_to_world).float()
+    types = torch.tensor([int(plan.grasps[0].grasp_type)])
+    return Hands(pose[None, :3, 3], pose[None, :3, :3], types)
 
 
 def _optimum(

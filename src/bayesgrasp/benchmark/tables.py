@@ -40,8 +40,8 @@ LABELS = {
     "mle_full": "argmax p(S=1, O, p_O, beta, mu \\| h)",
     "map_full": "argmax p(h \\| S=1, O, p_O, beta, mu)",
     "top_down": "top-down on the centroid (baseline)",
-    "force_closure": "best of 100 prior samples by force closure, mesh known (baseline)",
-    "plan": "the deployed planner: best ranked grasp within reach",
+    "force_closure": "best of 100 from p(h) by force closure (baseline)",
+    "plan": "the planner: best grasp within reach",
 }
 COMPARISONS = (
     ("map_image", "map_metric", "what the image is worth"),

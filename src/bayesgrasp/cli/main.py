@@ -38,6 +38,7 @@ class Command:
 
 # In the order in which one would use them.
 COMMANDS: dict[str, Command] = {
+    "demo": Command("demo:demo", "Plan a grasp for a simulated object from its depth image, and try it."),
     "plan": Command("plan:plan", "Plan grasps from a depth image."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
     "objects show": Command("objects:show", "Describe one object and draw it, its mesh and its convex parts."),
