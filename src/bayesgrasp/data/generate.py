@@ -203,7 +203,9 @@ class ChunkMaker:
             hands += [pairing.choose(pose.astype(np.float64), rng) for pose in poses]
         where, camera = Scenes.cat(scenes), CameraNuisances.cat(cameras)
         draws = np.repeat(np.unique(attempts.draw), self.config.scenes_per_draw)
-        return self._records(where, camera, draws, chunk), HandRecords.cat(hands)
+        return self._records(where, camera, draws, chunk), HandRecords.cat(
+            [HandRecords.none(self.config.pairing.hands), *hands]
+        )
 
     def _records(self, scenes: Scenes, camera: CameraNuisances, draws: np.ndarray, chunk: int) -> SceneRecords:
         rng = generator(self.seed, DATA, SENSOR, chunk)

@@ -1,7 +1,9 @@
-"""Depth images on disk: 16-bit numbers, differences along rows, the two bytes apart, zstd.
+"""Depth images on disk: tenths of a millimetre, as places in a palette, differences along rows, byte planes, zstd.
 
-A row of depths changes slowly, so the differences of neighbours have few distinct high bytes; with high and low bytes
-in planes of their own, zstd finds them. Lossless. `docs/data.md` has the sizes and times of the alternatives.
+A structured-light sensor returns few different depths (its disparity is in eighths of a pixel): some 200 in an image.
+So an image is kept as its sorted depths and, for each pixel, the place of its depth among them. Neighbours differ by a
+place or two; the differences, folded to 0, -1, 1, -2, 2, ... and with high and low bytes in planes of their own, are
+what zstd does best. Lossless for any 16-bit image. `docs/data.md` has the sizes and times of the alternatives.
 """
 
 from __future__ import annotations
@@ -28,9 +30,15 @@ def to_metres(image: UInt16[np.ndarray, "*batch h w"]) -> Float32[np.ndarray, "*
 
 def pack(image: UInt16[np.ndarray, "h w"]) -> bytes:
     """Compress one image."""
-    change = np.diff(image, axis=1, prepend=np.uint16(0))  # modulo 2^16, which the cumulative sum undoes
-    planes = np.ascontiguousarray(change.astype("<u2")).view(np.uint8).reshape(-1, 2).T
-    return zstandard.ZstdCompressor(level=LEVEL).compress(np.ascontiguousarray(planes).tobytes())
+    present = np.zeros(2**16, dtype=bool)
+    present[image] = True
+    palette = np.flatnonzero(present).astype("<u2")
+    place = (np.cumsum(present) - 1)[image].astype(np.uint16)
+    change = np.diff(place, axis=1, prepend=np.uint16(0)).view(np.int16)  # modulo 2^16, which the sum undoes
+    folded = ((change << 1) ^ (change >> 15)).astype("<u2")
+    planes = np.ascontiguousarray(folded).view(np.uint8).reshape(-1, 2).T
+    content = np.uint32(len(palette)).astype("<u4").tobytes() + palette.tobytes() + planes.tobytes()
+    return zstandard.ZstdCompressor(level=LEVEL).compress(content)
 
 
 def unpack(packed: bytes) -> UInt16[np.ndarray, "h w"]:
@@ -39,13 +47,17 @@ def unpack(packed: bytes) -> UInt16[np.ndarray, "h w"]:
     Raises:
         DataError: The bytes are not an image of `IMAGE_SHAPE`.
     """
-    size = IMAGE_SHAPE[0] * IMAGE_SHAPE[1]
+    pixels = IMAGE_SHAPE[0] * IMAGE_SHAPE[1]
     try:
-        planes = zstandard.ZstdDecompressor().decompress(packed, max_output_size=2 * size)
+        content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=4 + 2 * 2**16 + 2 * pixels)
     except zstandard.ZstdError as error:
         raise DataError(f"a stored image cannot be decompressed: {error}") from error
-    if len(planes) != 2 * size:
-        raise DataError(f"a stored image has {len(planes)} bytes instead of {2 * size} for {IMAGE_SHAPE}")
-    change = np.frombuffer(planes, np.uint8).reshape(2, -1).T
-    pixels = np.ascontiguousarray(change).view("<u2").reshape(IMAGE_SHAPE).astype(np.uint16)
-    return np.cumsum(pixels, axis=1, dtype=np.uint16)
+    colours = int.from_bytes(content[:4], "little")
+    if len(content) != 4 + 2 * colours + 2 * pixels:
+        raise DataError(f"a stored image has {len(content)} bytes, which is not an image of {IMAGE_SHAPE}")
+    palette = np.frombuffer(content, "<u2", colours, 4)
+    planes = np.frombuffer(content, np.uint8, offset=4 + 2 * colours).reshape(2, -1).T
+    folded = np.ascontiguousarray(planes).view("<u2").reshape(IMAGE_SHAPE)
+    change = (folded >> 1) ^ (0 - (folded & 1)).astype(np.uint16)
+    place = np.cumsum(change, axis=1, dtype=np.uint16)
+    return palette[place].astype(np.uint16)

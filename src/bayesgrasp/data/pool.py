@@ -74,7 +74,7 @@ class LocalPool:
         """See `Executor`. ``build`` and what it closes over must be picklable."""
         crew = [_Worker(build) for _ in range(self.workers)]
         try:
-            yield lambda tasks: _Shift(crew, self.attempts, deque(tasks)).results()
+            yield lambda tasks: _Shift(crew, self.attempts, iter(tasks)).results()
         finally:
             for worker in crew:
                 worker.stop()
@@ -113,26 +113,41 @@ class _Worker(Generic[Task, Result]):
 
 @dataclass
 class _Shift(Generic[Task, Result]):
-    """One pass over the tasks."""
+    """One pass over the tasks.
+
+    Attributes:
+        crew: The workers.
+        attempts: See `LocalPool`.
+        tasks: Tasks not given out yet.
+        again: Tasks whose worker died.
+        losses: How often each task lost its worker.
+    """
 
     crew: list[_Worker[Task, Result]]
     attempts: int
-    tasks: deque[Task]
+    tasks: Iterator[Task]
+    again: deque[Task] = field(default_factory=deque)
     losses: dict[int, int] = field(default_factory=dict)
 
     def results(self) -> Iterator[Result]:
         try:
-            while self.tasks or any(w.task is not None for w in self.crew):
-                for worker in self.crew:
-                    if worker.task is None and self.tasks:
-                        worker.give(self.tasks.popleft())
+            self._give_out()
+            while any(worker.task is not None for worker in self.crew):
                 yield from self._collect()
+                self._give_out()
         finally:
             for worker in self.crew:  # left in the middle: what is under way is not wanted any more
                 if worker.task is not None:
                     worker.task = None
                     worker.stop()
                     worker.launch()
+
+    def _give_out(self) -> None:
+        for worker in self.crew:
+            if worker.task is None:
+                task = self.again.popleft() if self.again else next(self.tasks, None)
+                if task is not None:
+                    worker.give(task)
 
     def _collect(self) -> Iterator[Result]:
         busy = [w for w in self.crew if w.task is not None]
@@ -166,7 +181,7 @@ class _Shift(Generic[Task, Result]):
         self.losses[key] = self.losses.get(key, 0) + 1
         if task is None or self.losses[key] >= self.attempts:
             raise DataError(f"{task} lost its worker {self.attempts} times (signal {-(code or 0)}); out of memory?")
-        self.tasks.appendleft(task)
+        self.again.append(task)
 
 
 def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:

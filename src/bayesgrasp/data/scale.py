@@ -46,8 +46,9 @@ class RayPool:
     @contextmanager
     def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[MapTasks[Task, Result]]:
         """See `Executor`; connects to the cluster, and leaves it at the end."""
+        options: dict[str, Any] = {} if self.address else {"include_dashboard": False}
         try:
-            ray.init(address=self.address, log_to_driver=False, include_dashboard=False, configure_logging=False)
+            ray.init(address=self.address, log_to_driver=False, **options)
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise DataError(f"cannot reach a Ray cluster at {self.address or 'this machine'}: {error}") from error
         try:

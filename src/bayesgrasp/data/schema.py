@@ -73,6 +73,23 @@ class HandRecords(Columns):
     mass_factor: Float32[np.ndarray, "n k"]
     source: Int32[np.ndarray, "n k"]
 
+    @staticmethod
+    def none(hands: int) -> HandRecords:
+        """The hands of no scene, ``hands`` of them for each."""
+        numbers, small = np.zeros((0, hands), np.float32), np.zeros((0, hands), np.uint8)
+        return HandRecords(
+            position=np.zeros((0, hands, 3), np.float32),
+            quaternion=np.zeros((0, hands, 4), np.float32),
+            grasp_type=small,
+            outcome=small,
+            weight=numbers,
+            selection_weight=numbers,
+            lateral_friction=numbers,
+            spinning_friction=numbers,
+            mass_factor=numbers,
+            source=np.zeros((0, hands), np.int32),
+        )
+
 
 @dataclass(frozen=True)
 class SceneRecords(Scenes):

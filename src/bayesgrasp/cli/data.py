@@ -1,0 +1,105 @@
+"""``bayesgrasp data inspect``: what a data set holds, in words, numbers and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bayesgrasp.data.loader import GraspDataset
+
+
+def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, seed: int = 0) -> None:
+    """Print the manifest, the outcomes, the success of each object and the disk use, and draw a sheet of images.
+
+    Args:
+        directory: Of the data set.
+        sheet: Where the picture goes; by default sheet.png in the data set.
+        verify: Also compare every file with its checksum.
+        seed: Which images are drawn.
+    """
+    from bayesgrasp.data.engine import totals
+    from bayesgrasp.data.loader import GraspDataset
+
+    dataset = GraspDataset(directory)
+    _print_manifest(dataset)
+    if verify:
+        for entry in dataset.entries.values():
+            dataset.store.verify(entry)
+        print(f"checked: {len(dataset.entries)} chunks are as they were written")
+    counts = totals(dataset.entries)
+    _print_outcomes(dataset, counts["per_object"])
+    print(f"{counts['scenes']} images")
+    _print_disk(directory, counts["attempts"], counts["scenes"])
+    if counts["scenes"]:
+        _draw(dataset, sheet or directory / "sheet.png", seed)
+
+
+def _print_manifest(dataset: GraspDataset) -> None:
+    manifest = dataset.manifest
+    settings = manifest.config.get("generate", {})
+    state = "finished" if manifest.totals else "not finished"
+    print(f"{dataset.store.directory}: {state}, {manifest.attempts} attempts asked for, seed {manifest.seed}")
+    print(f"schema {manifest.schema_version}, bayesgrasp {manifest.version}, commit {manifest.commit or 'unknown'}")
+    print(
+        f"gripper {manifest.gripper}, {len(manifest.objects)} objects, proposal {settings.get('proposal', 'unknown')}"
+    )
+
+
+def _print_outcomes(dataset: GraspDataset, per_object: dict[str, list[int]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from bayesgrasp.types import Outcome
+
+    names = [outcome.name.lower().replace("_", " ") for outcome in Outcome]
+    table = Table("object", "attempts", *names, "share", "under the prior")
+    prior = _prior_rates(dataset)
+    total = [sum(column) for column in zip(*per_object.values(), strict=True)]
+    for index, counts in per_object.items():
+        share = counts[Outcome.SUCCESS] / sum(counts)
+        name, rate = dataset.object_ids[int(index)], prior.get(int(index), 0.0)
+        table.add_row(name, str(sum(counts)), *map(str, counts), f"{share:.2%}", f"{rate:.2%}")
+    mean = sum(prior.values()) / max(len(prior), 1)
+    table.add_section()
+    table.add_row("all", str(sum(total)), *map(str, total), f"{total[Outcome.SUCCESS] / sum(total):.2%}", f"{mean:.2%}")
+    Console(width=max(Console().width, 150)).print(table)
+
+
+def _prior_rates(dataset: GraspDataset) -> dict[int, float]:
+    """Success of each object under the prior: the weighted share of its successes, chunk by chunk."""
+    import numpy as np
+
+    from bayesgrasp.types import Outcome
+
+    objects = len(dataset.object_ids)
+    tried, held = np.zeros(objects), np.zeros(objects)
+    for chunk in dataset.entries:
+        records = dataset.store.attempts(chunk)
+        weight = np.exp(records.log_weight.astype(np.float64))
+        tried += np.bincount(records.object_index, weight, objects)
+        held += np.bincount(records.object_index, weight * (records.outcome == Outcome.SUCCESS), objects)
+    return {index: float(held[index] / tried[index]) for index in range(objects) if tried[index] > 0}
+
+
+def _print_disk(directory: Path, attempts: int, scenes: int) -> None:
+    from bayesgrasp.data.store import TABLES
+
+    sizes = {name: _size(directory / name) for name in (*TABLES, "cache")}
+    print("disk: " + ", ".join(f"{name} {size / 2**20:.1f} MiB" for name, size in sizes.items()))
+    per_scene = f", {sizes['scenes'] / scenes:.0f} bytes an image with its hands" if scenes else ""
+    print(f"{sizes['attempts'] / attempts:.1f} bytes an attempt{per_scene}")
+
+
+def _size(directory: Path) -> int:
+    return sum(path.stat().st_size for path in directory.rglob("*") if path.is_file())
+
+
+def _draw(dataset: GraspDataset, path: Path, seed: int) -> None:
+    from bayesgrasp.data.sheet import draw_sheet
+    from bayesgrasp.errors import InvalidConfigurationError
+
+    if not path.parent.is_dir():
+        raise InvalidConfigurationError(f"cannot write {path}: there is no directory {path.parent}")
+    draw_sheet(dataset, seed=seed).save(path)
+    print(f"wrote {path}: images with up to four successful hands (red basic, green wide, blue pinch)")
