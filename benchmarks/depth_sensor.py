@@ -46,8 +46,8 @@ STAGES = {
         for name in ("project_hull", "outline", "row_spans", "bounding_box", "primary_rays", "resolve")
     ],
     "matching windows": [(depth_module.light, "match")],
-    "noise of the table": [(depth_module.light, "sense_table")],
-    "noise near the object": [(depth_module.light, "sense_matches")],
+    "noise of the table": [(depth_module.returns, "sense_table")],
+    "noise near the object": [(depth_module.returns, "sense_matches")],
     "random numbers": [(depth_module, "_lattice")],
     "cameras": [(depth_module, "object_views")],
 }

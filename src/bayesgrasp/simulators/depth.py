@@ -1,9 +1,9 @@
 """The sensor model p(i | O, p_O, camera) of section 4.1: depth images of one object on a table by a Kinect v1.
 
 An image is made in three passes: rays to the object at full resolution (`mesh_tree`, `ray_kernels`), matching and
-shadow (`light_kernels`), and the noise of the device (`kinect`). `images` evaluates the last two only at the pixels
-that the networks' resized image consists of; it gives exactly what `preprocess(render(...))` gives with the same
-generator.
+shadow (`light_kernels`), and the noise of the device (`return_kernels`, `kinect`). `images` evaluates the last two only
+at the pixels that the networks' resized image consists of; it gives exactly what `preprocess(render(...))` gives with
+the same generator.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.simulators import light_kernels as light
 from bayesgrasp.simulators import ray_kernels as rays
+from bayesgrasp.simulators import return_kernels as returns
 from bayesgrasp.simulators.kinect import KinectConfig
 from bayesgrasp.simulators.mesh_tree import MeshTree
 from bayesgrasp.simulators.preprocess import FAR, IMAGE_SHAPE, NEAR, SENSOR_SHAPE, sampled_columns, sampled_rows
@@ -132,7 +133,7 @@ class DepthSensor:
         constants, shape = self._constants, (self.camera.height, self.camera.width)
         rows, columns = pixels
         axial = _lattice(rng, constants.noise_pitch, shape)
-        light.sense_table(view, constants, axial, *limits, rows, columns, image)
+        returns.sense_table(view, constants, axial, *limits, rows, columns, image)
         spans, shaded = self._spans(tree, view, self.config.shadow)
         margin = light.REACH + constants.half_window
         box = self._near_object(view, shaded, margin)
@@ -145,7 +146,7 @@ class DepthSensor:
         matches = light.match(view, tree.planes, region, local, constants, shaded, rows, columns, self.config.shadow)
         blocked = tree.occluded(matches.origins, matches.directions)
         corner = (region.row, region.column)
-        light.sense_matches(matches, blocked, constants, axial, local[2], corner, *limits, rows, columns, part)
+        returns.sense_matches(matches, blocked, constants, axial, local[2], corner, *limits, rows, columns, part)
 
     def _spans(
         self, tree: MeshTree, view: rays.View, shadow: bool
