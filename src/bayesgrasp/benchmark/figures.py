@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from bayesgrasp.benchmark.tables import LABELS, PAPER_ATTEMPTS
 from bayesgrasp.diagnostics.figures import BLUE, save
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.posterior.potential import Prior
 
 PER_OBJECT = ("map_metric", "map_image", "map_full", "plan", "top_down", "force_closure")
 COLORS = ("0.6", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown")
@@ -94,3 +95,20 @@ def _label(name: str) -> str:
 
 def _short(name: str) -> str:
     return name.removeprefix("household_")
+
+
+def plot_prior(prior: Prior, path: Path, rng: np.random.Generator, draws: int = 600) -> None:
+    """Draws from the prior of hands: positions, and the axes of the hand on the unit sphere (paper, prior figure)."""
+    hands = prior.sample(draws, rng)
+    figure = Figure(figsize=(8.5, 4.0), layout="constrained")
+    positions = figure.add_subplot(1, 2, 1, projection="3d")
+    positions.scatter(*hands.position.numpy().T, s=5, c=BLUE, alpha=0.6)
+    positions.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)", title="p(x)")
+    axes = figure.add_subplot(1, 2, 2, projection="3d")
+    for column, color in enumerate(("tab:red", "tab:green", "tab:blue")):
+        axes.scatter(*hands.rotation[:, :, column].numpy().T, s=5, c=color, alpha=0.5, label="xyz"[column])
+    axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), title="p(R): axes of the hand")
+    axes.legend(fontsize=8)
+    for part in (positions, axes):
+        part.tick_params(labelsize=7)
+    save(figure, path)

@@ -58,6 +58,9 @@ COMMANDS: dict[str, Command] = {
         "data:inspect", "Report what a data set holds, and draw some of its images with their hands."
     ),
     "diagnose": Command("diagnose:diagnose", "Judge a trained posterior: coverage, SBC, TARP, reliability."),
+    "reproduce": Command(
+        "reproduce:reproduce", "Run the whole experiment: data, training, diagnostics, benchmark, report."
+    ),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
 }
 
