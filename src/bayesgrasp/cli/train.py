@@ -33,6 +33,8 @@ def train(
     device: str = "cpu",
     threads: int | None = None,
     resume: bool = False,
+    practice: tuple[Path, ...] = (),
+    start: Path | None = None,
 ) -> None:
     """Train likelihood-to-evidence ratio estimators on a data set.
 
@@ -55,11 +57,14 @@ def train(
         device: cpu, cuda, or cuda:N.
         threads: CPU threads; by default torch's own choice.
         resume: Go on with the run in --out, or start it where there is none.
+        practice: Data sets from `bayesgrasp practice` to learn from as well.
+        start: Directory of a model of the same preset whose weights training starts from.
     """
     import torch
 
     from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.ratio.fit import fit, sources
+    from bayesgrasp.ratio.checkpoint import load_model
+    from bayesgrasp.ratio.fit import fit, sources, with_practice
     from bayesgrasp.ratio.losses import LossConfig
     from bayesgrasp.ratio.presets import preset as parts_of
     from bayesgrasp.ratio.train import TrainConfig
@@ -70,6 +75,7 @@ def train(
     schedule = TrainConfig(epochs=epochs, learning_rate=learning_rate, patience=patience, bf16=bf16, seed=seed)
     parts = parts_of(preset, _setup(dataset), estimators or None, LossConfig(criterion), schedule)
     training, held_out = sources(dataset, batch_size, seed)
+    practised = with_practice((training, held_out), [GraspDataset(p) for p in practice], batch_size, seed)
     extra = {"preset": preset, "familiarity": _familiarity(dataset)}
     with _observers(out, len(parts)) as observe:
         metrics = fit(
@@ -78,6 +84,8 @@ def train(
             held_out,
             out,
             _origin(dataset),
+            practised=practised if practice else None,
+            start=load_model(start).estimators if start is not None else None,
             device=_device(device),
             resume=resume,
             callback=observe,

@@ -4,11 +4,12 @@ Every part keeps its state below ``out/state``, so a killed run goes on with the
 last.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -18,8 +19,10 @@ from bayesgrasp.ratio.batch import Batch
 from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
 from bayesgrasp.ratio.checks import check
 from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.objectives import SuccessObjective
 from bayesgrasp.ratio.presets import Part
 from bayesgrasp.ratio.train import Progress, Source, train
+from bayesgrasp.seeding import generator
 
 STATE = "state"
 
@@ -43,6 +46,29 @@ class WholeBatches:
         return (batch for batch, _ in zip(self.loader(epoch), range(len(self)), strict=False))
 
 
+@dataclass(frozen=True)
+class Together:
+    """The batches of several sources, in an order that depends on seed and epoch alone.
+
+    Attributes:
+        parts: The sources.
+        seed: Of the order.
+    """
+
+    parts: tuple[Source, ...]
+    seed: int
+
+    def __len__(self) -> int:
+        """Batches in an epoch."""
+        return sum(len(part) for part in self.parts)
+
+    def __call__(self, epoch: int) -> Iterator[Batch]:
+        """The batches of an epoch."""
+        turns = np.repeat(np.arange(len(self.parts)), [len(part) for part in self.parts])
+        streams = [part(epoch) for part in self.parts]
+        return (next(streams[turn]) for turn in generator(self.seed, epoch).permutation(turns))
+
+
 def sources(dataset: GraspDataset, batch_size: int, seed: int) -> tuple[Source, Source]:
     """Training and held-out batches; the split is by object draw.
 
@@ -58,6 +84,14 @@ def sources(dataset: GraspDataset, batch_size: int, seed: int) -> tuple[Source, 
     return WholeBatches(loaders[0]), WholeBatches(loaders[1])
 
 
+def with_practice(
+    base: tuple[Source, Source], practice: Sequence[GraspDataset], batch_size: int, seed: int
+) -> tuple[Source, Source]:
+    """Training and held-out batches of a data set together with those of practice on it (`data.practice`)."""
+    more = [sources(dataset, batch_size, seed) for dataset in practice]
+    return Together((base[0], *(m[0] for m in more)), seed), Together((base[1], *(m[1] for m in more)), seed)
+
+
 def fit(
     parts: Sequence[Part],
     training: Source,
@@ -65,6 +99,8 @@ def fit(
     out: Path,
     origin: Origin,
     *,
+    practised: tuple[Source, Source] | None = None,
+    start: Mapping[str, nn.Module] | None = None,
     device: torch.device | str = "cpu",
     resume: bool = False,
     callback: Callable[[Part, Progress], None] | None = None,
@@ -78,6 +114,8 @@ def fit(
         held_out: Batches of held-out scenes.
         out: Directory of the model.
         origin: For the card.
+        practised: Training and held-out batches with practice among them, for the estimators of p(S = 1 | ., h).
+        start: Trained estimators by role whose weights a part of the same role and shape starts from.
         device: Where to train.
         resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
         callback: Told after every step.
@@ -94,7 +132,10 @@ def fit(
     estimators: dict[str, nn.Module] = {}
     metrics: dict[str, dict[str, Any]] = {}
     for part in parts:
-        estimators[part.role], metrics[part.role] = _fit_part(part, training, held_out, out, device, callback)
+        use = practised if practised is not None and isinstance(part.objective, SuccessObjective) else None
+        estimators[part.role], metrics[part.role] = _fit_part(
+            part, *(use or (training, held_out)), out, device, callback, (start or {}).get(part.role)
+        )
     save_model(out, estimators, origin, metrics, extra)
     return metrics
 
@@ -106,9 +147,16 @@ def _fit_part(
     out: Path,
     device: torch.device | str,
     callback: Callable[[Part, Progress], None] | None,
+    start: nn.Module | None,
 ) -> tuple[nn.Module, dict[str, Any]]:
+    def begin() -> nn.Module:
+        estimator = build(part.kind, part.config)
+        if start is not None:
+            estimator.load_state_dict(start.state_dict())
+        return estimator
+
     result = train(
-        lambda: build(part.kind, part.config),
+        begin,
         part.objective,
         training,
         held_out,
