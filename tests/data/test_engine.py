@@ -18,7 +18,7 @@ from bayesgrasp.data import store as store_module
 from bayesgrasp.data.engine import Progress, Run, differences, open_store
 from bayesgrasp.data.pool import InProcess
 from bayesgrasp.data.store import TABLES, Manifest, Store
-from bayesgrasp.errors import DataError
+from bayesgrasp.errors import DataError, InvalidConfigurationError
 
 
 def run(directory: Path, attempts: int, resume: bool = False, repair: bool = False) -> Manifest:
@@ -192,6 +192,7 @@ def test_differences_name_the_place() -> None:
     assert differences({"a": 1}, {"a": 1}) == []
 
 
-def test_no_attempts_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="at least 1"):
-        run(tmp_path / "data", 0)
+@pytest.mark.parametrize("bad", [{"attempts": 0}, {"seed": -1}])
+def test_impossible_manifests_are_refused(bad: dict[str, int]) -> None:
+    with pytest.raises(InvalidConfigurationError, match="must be at least"):
+        fake_world.manifest(**bad)

@@ -93,6 +93,17 @@ class Progress:
     total: int
     made: int
 
+    def after(self, entry: Entry) -> Progress:
+        """The same, one chunk further."""
+        successes = sum(counts[Outcome.SUCCESS] for counts in entry.outcomes.values())
+        return Progress(
+            self.attempts + entry.attempts,
+            self.successes + successes,
+            self.scenes + entry.scenes,
+            self.total,
+            self.made + entry.attempts,
+        )
+
 
 class Run:
     """Fills a store up to a number of attempts.
@@ -107,12 +118,10 @@ class Run:
     def __init__(
         self, store: Store, recipe: Recipe, attempts: int, observe: Callable[[Progress], None] | None = None
     ) -> None:
-        if attempts < 1:
-            raise DataError(f"the number of attempts must be at least 1, got {attempts}")
         self.store, self.recipe, self.attempts = store, recipe, attempts
         self.observe = observe or (lambda progress: None)
         self.entries: dict[int, Entry] = {}
-        self.made = 0
+        self.progress = Progress(0, 0, 0, attempts, 0)
 
     def execute(self, executor: Executor, repair: bool = False) -> Manifest:
         """Make every chunk that is missing and return the manifest with its final counts.
@@ -127,7 +136,10 @@ class Run:
         with self.store.lock():
             self.store.prepare()
             self.entries = self._intact(repair)
-            self._report()
+            counts = totals(self.entries)
+            successes = counts["outcomes"][Outcome.SUCCESS.name.lower()]
+            self.progress = Progress(counts["attempts"], successes, counts["scenes"], self.attempts, 0)
+            self.observe(self.progress)
             if self._missing():
                 with executor.start(self.recipe) as run:
                     for tasks in self._rounds():
@@ -185,13 +197,8 @@ class Run:
     def _keep(self, done: Done) -> None:
         self.store.add(done.entry.chunk, done.shard, done.entry)
         self.entries[done.entry.chunk] = done.entry
-        self.made += done.entry.attempts
-        self._report()
-
-    def _report(self) -> None:
-        counts = totals(self.entries)
-        successes = counts["outcomes"][Outcome.SUCCESS.name.lower()]
-        self.observe(Progress(counts["attempts"], successes, counts["scenes"], self.attempts, self.made))
+        self.progress = self.progress.after(done.entry)
+        self.observe(self.progress)
 
 
 def open_store(directory: Path, manifest: Manifest, resume: bool) -> Store:

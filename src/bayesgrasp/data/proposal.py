@@ -12,9 +12,10 @@ antipodally symmetric power-spherical law, and T keeps the grasp type with proba
 so is the weight p(h) / q(h), and the weight is at most 1 / eps. The choice of objects is a defensive mixture too: half
 uniform, half leaning to objects that succeed rarely, so p(O) / q(O) is at most 2.
 
-Every kernel is a draw from p(rho | S = 1, O) and each new pose p_O uses it, which is the planar symmetry at work. The
-rounds are fixed ranges of chunk numbers and read complete earlier rounds only, so that a chunk's content depends on the
-seed and its number.
+An object with few successes borrows from attempts that held it for a moment (DROPPED): any kernels give an exact law.
+Every kernel of a success is a draw from p(rho | S = 1, O), and each new pose p_O uses it: the planar symmetry at work.
+The rounds are fixed ranges of chunk numbers and read complete earlier rounds only, so that a chunk's content depends
+on the seed and its number.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ class AdaptiveConfig:
         kappa: Concentration of the rotation kernel; its deviation is about sqrt(8 / kappa) rad about each axis.
         type_change: delta, the probability of a grasp type drawn anew.
         max_kernels: Successes kept for each object.
+        enough: Successes of an object below which attempts that dropped it become kernels too; see `learn`.
         first_round: Chunks of round 0, which is all prior. Round r ends at chunk ``first_round * 2**r``.
         rounds: After so many rounds the proposal stays as it is.
 
@@ -61,6 +63,7 @@ class AdaptiveConfig:
     kappa: float = 150.0
     type_change: float = 0.2
     max_kernels: int = 256
+    enough: int = 32
     first_round: int = 16
     rounds: int = 6
 
@@ -73,8 +76,8 @@ class AdaptiveConfig:
             )
         if not 0 < self.type_change <= 1:
             raise InvalidConfigurationError(f"type_change must be in (0, 1], got {self.type_change}")
-        if min(self.max_kernels, self.first_round, self.rounds) < 1:
-            raise InvalidConfigurationError("max_kernels, first_round and rounds must be at least 1")
+        if min(self.max_kernels, self.enough, self.first_round, self.rounds) < 1:
+            raise InvalidConfigurationError("max_kernels, enough, first_round and rounds must be at least 1")
 
     def round_of(self, chunk: int) -> int:
         """The round that a chunk belongs to."""
@@ -132,20 +135,34 @@ def learn(records: AttemptRecords, num_objects: int, config: AdaptiveConfig, rng
     floor = 1.0 / np.maximum(tried, 1.0)
     need = np.maximum(rate, floor) ** -0.5
     objects = 0.5 / num_objects + 0.5 * need / need.sum()
-    kernels = tuple(
-        _kernels(records[success & (records.object_index == index)], config, rng) for index in range(num_objects)
-    )
+    kernels = tuple(_kernels(records[records.object_index == index], config, rng) for index in range(num_objects))
     return Proposal(objects, kernels)
 
 
 def _kernels(records: AttemptRecords, config: AdaptiveConfig, rng: np.random.Generator) -> Kernels | None:
-    if len(records) == 0:
+    """Kernels of one object: its successes, and while these are few, attempts that lost it, up to half of the share."""
+    success = _thinned(records[records.outcome == Outcome.SUCCESS], config.max_kernels, rng)
+    dropped = _thinned(records[records.outcome == Outcome.DROPPED], config.enough, rng)
+    lacking = max(0.0, 1 - len(success) / config.enough) * len(dropped)
+    parts = [part for part, use in ((success, len(success)), (dropped, lacking)) if use > 0]
+    if not parts:
         return None
+    trust = np.array([1.0, lacking / max(len(dropped), 1)])[: len(parts)] if len(success) else np.ones(1)
+    shares = [_normalised(part) * t / trust.sum() for part, t in zip(parts, trust, strict=True)]
+    return Kernels(to_object(AttemptRecords.cat(parts)), np.concatenate(shares))
+
+
+def _thinned(records: AttemptRecords, most: int, rng: np.random.Generator) -> AttemptRecords:
+    """At most so many records, chosen by their weight and then alike in it."""
+    if len(records) <= most:
+        return records
+    chosen = np.sort(rng.choice(len(records), most, replace=False, p=_normalised(records)))
+    return replace(records[chosen], log_weight=np.zeros(most, np.float32))
+
+
+def _normalised(records: AttemptRecords) -> Float64[np.ndarray, "n"]:
     weight = np.exp(records.log_weight.astype(np.float64))
-    if len(records) > config.max_kernels:
-        chosen = np.sort(rng.choice(len(records), config.max_kernels, replace=False, p=weight / weight.sum()))
-        records, weight = records[chosen], np.ones(config.max_kernels)
-    return Kernels(to_object(records), weight / weight.sum())
+    return weight / weight.sum()
 
 
 def propose(

@@ -27,7 +27,7 @@ from typing import Any
 
 from bayesgrasp.data.schema import SCHEMA_VERSION, AttemptRecords
 from bayesgrasp.data.shards import Chunk, Shard, decode, read_attempts
-from bayesgrasp.errors import DataError
+from bayesgrasp.errors import DataError, InvalidConfigurationError
 
 TABLES = ("attempts", "scenes")
 
@@ -46,6 +46,9 @@ class Manifest:
         version: Version of the program.
         totals: Counts when the run ended: attempts, scenes, outcomes by name, per object; empty before.
         schema_version: Of the shards.
+
+    Raises:
+        InvalidConfigurationError: No attempts, or a negative seed.
     """
 
     seed: int
@@ -57,6 +60,12 @@ class Manifest:
     version: str = ""
     totals: dict[str, Any] = field(default_factory=dict)
     schema_version: int = SCHEMA_VERSION
+
+    def __post_init__(self) -> None:
+        if self.attempts < 1:
+            raise InvalidConfigurationError(f"the number of attempts must be at least 1, got {self.attempts}")
+        if self.seed < 0:
+            raise InvalidConfigurationError(f"the seed must be at least 0, got {self.seed}")
 
     @property
     def identity(self) -> dict[str, Any]:

@@ -1,0 +1,53 @@
+"""``bayesgrasp generate`` and ``bayesgrasp data inspect`` on real objects, once, small."""
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from bayesgrasp.cli.data import inspect
+from bayesgrasp.cli.generate import generate
+from bayesgrasp.cli.main import main
+from bayesgrasp.data.loader import GraspDataset
+
+OPTIONS = {"seed": 3, "split": "household_drink_can", "attempts_per_draw": 40, "draws_per_chunk": 2, "hands": 8}
+
+
+def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "set"
+    generate(100, out, workers=1, **OPTIONS)  # type: ignore[arg-type]
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["totals"]["attempts"] == 100 == sum(manifest["totals"]["outcomes"].values())
+    assert manifest["objects"][0]["id"] == "household_drink_can"
+    assert manifest["gripper"] == "robotiq-3f"
+    assert "100 attempts" in capsys.readouterr().out
+    dataset = GraspDataset(out)
+    assert len(dataset.scene_columns["draw"]) == 2 * 3
+    image = next(iter(dataset.scenes("all")(0))).images
+    assert ((image == 0) | ((image >= 0.45 - 1e-4) & (image <= 1.0 + 1e-4))).all()
+    assert 0.5 < (image > 0).float().mean() < 1
+    inspect(out, verify=True)
+    printed = capsys.readouterr().out
+    assert "household_drink_can" in printed
+    assert "bytes an attempt" in printed
+    assert "2 chunks are as they were written" in printed
+    if (dataset.scene_columns["hand_outcome"] == 4).any():
+        assert Image.open(out / "sheet.png").size[0] > 256
+
+
+def refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_wrong_options_are_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base = ["generate", "--attempts", "10", "--out", str(tmp_path / "x"), "--split", "household_drink_can"]
+    refused([*base, "--workers", "0"], "workers must be at least 1", capsys)
+    refused([*base, "--prior-share", "0"], "prior_share must be in (0, 1)", capsys)
+    refused([*base, "--ray-address", "auto"], "--ray-address goes with --executor ray", capsys)
+    refused([*base[:2], "0", *base[3:]], "attempts must be at least 1", capsys)
+    refused(["data", "inspect", "--directory", str(tmp_path)], "holds no data set", capsys)
+    assert not (tmp_path / "x").exists()
