@@ -40,22 +40,24 @@ class ChainConfig:
     Attributes:
         warmup: Trajectories before the first that is kept; the step size adapts in them.
         leapfrog: Leapfrog steps in a trajectory; 1 is MALA.
+        jump_every: A jump follows every so many trajectories.
         step: First step size, radians.
         jitter: Relative half-range of the step size around its value, against periodic orbits.
         target_acceptance: Acceptance that the warm-up steers to.
         space: The metric.
     """
 
-    warmup: int = 20
+    warmup: int = 10
     leapfrog: int = 1
-    step: float = 0.1
+    jump_every: int = 2
+    step: float = 0.2
     jitter: float = 0.3
     target_acceptance: float = 0.65
     space: GraspSpace = field(default_factory=GraspSpace)
 
     def __post_init__(self) -> None:
-        if self.warmup < 0 or self.leapfrog < 1 or not self.step > 0:
-            raise InvalidConfigurationError("a chain needs warmup >= 0, leapfrog >= 1 and step > 0")
+        if self.warmup < 0 or self.leapfrog < 1 or self.jump_every < 1 or not self.step > 0:
+            raise InvalidConfigurationError("a chain needs warmup >= 0, leapfrog >= 1, jump_every >= 1 and step > 0")
         if not (0 <= self.jitter < 1 and 0 < self.target_acceptance < 1):
             raise InvalidConfigurationError("jitter must be in [0, 1) and target_acceptance in (0, 1)")
 
@@ -99,20 +101,25 @@ def run_chains(
         config: Steps and adaptation.
 
     Raises:
-        InvalidConfigurationError: A start has no finite density.
+        InvalidConfigurationError: A start has no finite density, or there is no trajectory to keep.
     """
+    if trajectories < 1:
+        raise InvalidConfigurationError(f"at least one trajectory must be kept, got {trajectories}")
     config = config or ChainConfig()
     chains = _Chains(potential, starts, generator, config)
-    for _ in range(config.warmup):
-        acceptance, _ = chains.advance()
+    for index in range(config.warmup):
+        acceptance = chains.trajectory()
+        if index % config.jump_every == 0:
+            chains.jump()
         chains.step_size *= math.exp(ADAPTATION_RATE * (acceptance - config.target_acceptance))
-    kept, rates = [], []
-    for _ in range(trajectories):
-        rates.append(chains.advance())
+    kept, acceptances, jumps = [], [], []
+    for index in range(trajectories):
+        acceptances.append(chains.trajectory())
+        if index % config.jump_every == 0:
+            jumps.append(chains.jump())
         kept.append(chains.hands)
     draws = Hands(*(torch.stack([getattr(h, name) for h in kept]) for name in ("position", "rotation", "grasp_type")))
-    acceptance, jumps = (sum(r) / len(r) for r in zip(*rates, strict=True))
-    return ChainSample(draws, acceptance, jumps, chains.step_size)
+    return ChainSample(draws, sum(acceptances) / trajectories, sum(jumps) / len(jumps), chains.step_size)
 
 
 class _Chains:
@@ -128,11 +135,8 @@ class _Chains:
         if not self.value.isfinite().all():
             raise InvalidConfigurationError("every chain must start where the density is finite and positive")
 
-    def advance(self) -> tuple[float, float]:
-        """One trajectory and one jump; their acceptance."""
-        return self._trajectory(), self._jump()
-
-    def _trajectory(self) -> float:
+    def trajectory(self) -> float:
+        """One trajectory of every chain; its mean acceptance."""
         size = self.step_size * (1 + self.config.jitter * (2 * self._uniform()[:, None] - 1))
         momentum = torch.randn(self.gradient.shape, generator=self.generator, device=self.gradient.device)
         momentum = momentum.to(self.gradient)
@@ -157,7 +161,8 @@ class _Chains:
         momentum = torch.cat([momentum[:, :3] * sign, momentum[:, 3:]], -1)
         return Hands(position, moved.rotation, hands.grasp_type), momentum
 
-    def _jump(self) -> float:
+    def jump(self) -> float:
+        """One jump of every chain; the share taken of those that propose a change."""
         n, types = len(self.value), len(GraspType)
         device = self.value.device
         draw = torch.randint(len(QUARTER_TURNS), (n,), generator=self.generator, device=device)

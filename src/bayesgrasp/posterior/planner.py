@@ -159,8 +159,9 @@ class _Planning:
         with self._stage("scene"):
             surface = self.planner.reader.read(image)
             reason = surface.problem()
-            image = self.planner.reader.cleared(image, surface)
-            unfamiliarity = None if reason else self._unfamiliarity(self.planner.reader.read(image))
+            cleared = self.planner.reader.cleared(image, surface)
+            unfamiliarity = None if reason else self._unfamiliarity(surface if cleared is image else cleared)
+            image = cleared
         grasps: tuple[Grasp, ...] = ()
         drawn = None
         if reason is None:
@@ -199,10 +200,11 @@ class _Planning:
         )
         return camera.with_pose(locate_workspace(depth, camera, self.rng, self.config.table))
 
-    def _unfamiliarity(self, surface: Surface) -> float | None:
+    def _unfamiliarity(self, seen: Surface | Float32[np.ndarray, "h w"]) -> float | None:
         familiarity = self.planner.familiarity
         if familiarity is None:
             return None
+        surface = seen if isinstance(seen, Surface) else self.planner.reader.read(seen)
         score = familiarity.distance(surface) / familiarity.threshold
         if score > 1:
             self.warnings.append(

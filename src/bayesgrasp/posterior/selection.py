@@ -17,6 +17,9 @@ from bayesgrasp.posterior.plan import Grasp, Motion, Pose
 from bayesgrasp.posterior.surface import Surface
 from bayesgrasp.types import GraspType, Hands
 
+MOST_POINTS = 800
+"""More measured points than this are thinned."""
+
 
 @runtime_checkable
 class Reach(Protocol):
@@ -102,8 +105,8 @@ class Selection:
         self.workspace_to_world = workspace_to_world
         points = surface.near().astype(np.float64)
         raised = points[points[:, 2] > surface.config.table_thickness]
-        self.raised = raised[:: 1 + len(raised) // 1500]
-        self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // 1500]
+        self.raised = raised[:: 1 + len(raised) // MOST_POINTS]
+        self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // MOST_POINTS]
         self.failures = {"the arm does not reach it": 0, "the open hand would cut into the object or the table": 0}
 
     def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:

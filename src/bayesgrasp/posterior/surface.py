@@ -125,7 +125,8 @@ class SurfaceReader:
         """The image with the bare table in place of whatever stands, or was not seen, away from the object.
 
         The sensor model knows one object on an empty table: another robot at the edge of a real image is not what the
-        posterior is about. The object and its surroundings stay as they were measured.
+        posterior is about. The object and its surroundings stay as they were measured. The same array is returned
+        where nothing is to be cleared.
         """
         if not surface.item.any():
             return depth
@@ -136,7 +137,8 @@ class SurfaceReader:
         with np.errstate(invalid="ignore"):
             # Generous, so that a table seen by a camera that is slightly off its stated pose is left alone.
             table = np.abs(surface.points[..., 2]) < 3 * config.table_thickness
-        return np.where(away & ~table, self._table, depth)
+        strange = away & ~table & (depth != self._table)
+        return np.where(strange, self._table, depth) if strange.any() else depth
 
     def _item(self, points: Float32[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
         """The piece of the non-table pixels whose middle is nearest to the workspace centre."""

@@ -1,0 +1,130 @@
+"""Time of a plan, stage by stage: image in, ranked grasps out, model loaded; and of 10,000 posterior samples.
+
+Images are boxes and cans at random poses through the sensor model, seen by the canonical camera and by another one,
+which costs a re-projection. Without `--model` the shipped model is timed, and where there is none, untrained weights of
+the default architecture, which cost the same. The first call is stated apart: it compiles loops and warms caches.
+
+    python benchmarks/plan.py [--images 20] [--model DIR] [--json-file FILE]
+"""
+
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+import trimesh
+import tyro
+
+import bayesgrasp
+from bayesgrasp.cli.loading import DEFAULT_MODEL
+from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.posterior.planner import Planner
+from bayesgrasp.posterior.sampling import sample_posterior
+from bayesgrasp.prior.scene import ScenePrior
+from bayesgrasp.ratio.checkpoint import Origin, save_model
+from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
+from bayesgrasp.seeding import generator
+from bayesgrasp.simulators.depth import DepthSensor
+
+STAGES = ("view", "scene", "encode", "search", "reach", "total")
+
+
+class Mesh(NamedTuple):
+    """What the sensor needs of an object."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def meshes() -> list[Mesh]:
+    """Boxes and cans that stand on z = 0, metres."""
+    boxes = [trimesh.creation.box((0.05, 0.12, 0.18)), trimesh.creation.box((0.07, 0.07, 0.07))]
+    solids = [*boxes, trimesh.creation.cylinder(0.033, 0.12), trimesh.creation.cylinder(0.05, 0.2)]
+    return [Mesh(np.array(s.vertices) - [0, 0, s.bounds[0, 2]], np.array(s.faces, np.int32)) for s in solids]
+
+
+def other_camera() -> Camera:
+    """A camera of another make, elsewhere."""
+    pose = look_at(np.array([0.35, 0.15, 0.65]), np.array([0.0, 0.0, 0.05]))
+    return Camera(width=640, height=480, fx=525.0, fy=525.0, cx=319.5, cy=239.5, camera_to_world=pose)
+
+
+def load(model: Path | None) -> tuple[Planner, str]:
+    """A planner, and what its weights are."""
+    if model is not None or (DEFAULT_MODEL / "card.json").exists():
+        return bayesgrasp.load(model), str(model or "shipped")
+    with tempfile.TemporaryDirectory() as directory:
+        save_model(Path(directory), {"success": LocalSuccess(LocalConfig())}, Origin())
+        return bayesgrasp.load(directory), "untrained"
+
+
+def cpu_and_wall(work: Callable[[], object]) -> tuple[float, float]:
+    """Milliseconds of process CPU time and of wall-clock time."""
+    cpu, wall = time.process_time(), time.perf_counter()
+    work()
+    return 1e3 * (time.process_time() - cpu), 1e3 * (time.perf_counter() - wall)
+
+
+def time_camera(planner: Planner, camera: Camera, images: int, seed: int) -> dict[str, float]:
+    """Median over images of each stage's wall-clock time and of the CPU time of the whole, milliseconds."""
+    objects = meshes()
+    scenes = ScenePrior(len(objects)).sample(images + 1, generator(seed, 0))
+    depths = DepthSensor(objects, camera).render(scenes, None, generator(seed, 1))
+    first = cpu_and_wall(lambda: planner.plan(depths[0], camera))[1]
+    plans, cpu = [], []
+    for depth in depths[1:]:
+        started = time.process_time()
+        plans.append(planner.plan(depth, camera))
+        cpu.append(1e3 * (time.process_time() - started))
+    stages = {name: float(np.median([plan.timings_ms.get(name, np.nan) for plan in plans])) for name in STAGES}
+    grasps = float(np.mean([len(plan.grasps) for plan in plans]))
+    return {**stages, "total_cpu": float(np.median(cpu)), "first_call": first, "grasps_per_plan": grasps}
+
+
+def time_samples(planner: Planner, seed: int, count: int = 10_000) -> dict[str, float]:
+    """Time of posterior samples of one image, milliseconds."""
+    objects = meshes()
+    scenes = ScenePrior(len(objects)).sample(1, generator(seed, 2))
+    image = torch.from_numpy(DepthSensor(objects).images(scenes, None, generator(seed, 3)))
+    ratio = planner.posterior.given_image(image)
+    timings = [
+        cpu_and_wall(lambda k=k: sample_posterior(ratio, planner.prior, count, generator(seed, 4, k))) for k in range(3)
+    ]
+    cpu, wall = np.median(timings, axis=0)
+    return {"samples": count, "cpu": float(cpu), "wall": float(wall)}
+
+
+def main(
+    images: int = 20, model: Path | None = None, seed: int = 0, threads: int = 2, json_file: Path | None = None
+) -> None:
+    """Time plans and samples.
+
+    Args:
+        images: Plans per camera, after the first.
+        model: Directory of a model.
+        seed: Of scenes and noise.
+        threads: Threads of the network.
+        json_file: Where to write the numbers.
+    """
+    torch.set_num_threads(threads)
+    loading = time.perf_counter()
+    planner, weights = load(model)
+    content: dict[str, object] = {"weights": weights, "load_ms": 1e3 * (time.perf_counter() - loading)}
+    for name, camera in (("canonical camera", canonical_camera()), ("another camera", other_camera())):
+        content[name] = time_camera(planner, camera, images, seed)
+    content["posterior samples"] = time_samples(planner, seed)
+    for name, value in content.items():
+        if not isinstance(value, dict):
+            print(f"{name}: {value if isinstance(value, str) else round(value)}")
+            continue
+        print(f"{name} (ms): " + ", ".join(f"{key} {number:.1f}" for key, number in value.items()))
+    if json_file is not None:
+        json_file.write_text(json.dumps(content, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
