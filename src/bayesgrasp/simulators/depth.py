@@ -136,14 +136,16 @@ class DepthSensor:
         returns.sense_table(view, constants, axial, *limits, rows, columns, image)
         spans, shaded = self._spans(tree, view, self.config.shadow)
         margin = light.REACH + constants.half_window
-        box = self._near_object(view, shaded, margin)
+        near = self._near_object(view, shaded, margin)
+        box = rays.bounding_box(near, shape[1])
         if box == rays.NOWHERE:
             return
         region = self._region(tree, view, spans, _widened(box, margin, shape))
         local = _lattice(rng, constants.noise_pitch, region.plane.shape, layers=3)
         of_rows, of_columns = _between(rows, *box[:2]), _between(columns, *box[2:])
         rows, columns, part = rows[of_rows], columns[of_columns], image[of_rows, of_columns]
-        matches = light.match(view, tree.planes, region, local, constants, shaded, rows, columns, self.config.shadow)
+        lit = shaded if self.config.shadow else np.zeros_like(shaded)
+        matches = light.match(view, tree.planes, region, local, constants, near, lit, rows, columns)
         blocked = tree.occluded(matches.origins, matches.directions)
         corner = (region.row, region.column)
         returns.sense_matches(matches, blocked, constants, axial, local[2], corner, *limits, rows, columns, part)
@@ -163,15 +165,15 @@ class DepthSensor:
             rays.row_spans(rays.outline(pixels), height, width),
         )
 
-    def _near_object(self, view: rays.View, shaded: Int64[np.ndarray, "h 2"], margin: int) -> tuple[int, ...]:
-        """Box (top, bottom, left, right) outside which an image shows the bare table, at tilts that always return."""
+    def _near_object(self, view: rays.View, shaded: Int64[np.ndarray, "h 2"], margin: int) -> Int64[np.ndarray, "h 2"]:
+        """Columns of each row outside which an image shows the bare table, at tilts that always return."""
         height, width = self.camera.height, self.camera.width
         for u in (0, width - 1):
             for v in (0, height - 1):
                 ray = view.ray_matrix @ (u, v, 1.0)
                 if -ray[2] < np.cos(self.config.grazing_start) * np.linalg.norm(ray):
-                    return 0, height, 0, width
-        return rays.bounding_box(shaded, width, margin)
+                    return np.tile(np.array([0, width]), (height, 1))
+        return rays.widened(shaded, margin, width)
 
     def _region(
         self, tree: MeshTree, view: rays.View, spans: Int64[np.ndarray, "h 2"], box: tuple[int, ...]

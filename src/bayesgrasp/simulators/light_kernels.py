@@ -20,7 +20,7 @@ from numba import njit
 
 from bayesgrasp.simulators.kinect import DEPTH_CONSTANT
 from bayesgrasp.simulators.ray_kernels import TABLE, cosine_at, inverse_depth_at
-from bayesgrasp.simulators.return_kernels import COS_STEEPEST, interpolate, lattice_weights
+from bayesgrasp.simulators.return_kernels import BARE_TABLE, COS_STEEPEST, interpolate, lattice_weights
 
 REACH = 4
 """Lateral noise is cut off at this many pixels, five standard deviations."""
@@ -32,7 +32,7 @@ class Matches(NamedTuple):
     """What the pixels of a box were matched to; one entry per evaluated pixel, row by row.
 
     Attributes:
-        disparity: In steps (348 / depth), 0 for none; float64 (n,).
+        disparity: In steps (348 / depth), 0 for none, `BARE_TABLE` for nothing but table; float64 (n,).
         cosine: Of the tilt, float64 (n,).
         ray: Index of its shadow ray, -1 if it needs none; int64 (n,).
         origins, directions: Shadow rays, object frame, float32 (m, 3).
@@ -130,10 +130,11 @@ def shadow_ray(view, planes, plane, u, v, inverse_depth, origin, direction):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def match(view, planes, region, noise, constants, spans, rows, columns, with_shadow):
+def match(view, planes, region, noise, constants, near, shaded, rows, columns):
     """Steps 1 and 2, and the rays of step 3, for the pixels rows x columns of the image, all inside the region.
 
-    `noise` holds lattices (>= 2, ., .) of the region; `spans` are the columns of each row where there may be shadow.
+    `noise` holds lattices (>= 2, ., .) of the region; `near` and `shaded` are the columns of each row where there may be
+    more than bare table, and where there may be shadow.
     """
     count = len(rows) * len(columns)
     disparity, cosine, ray = np.zeros(count), np.zeros(count), np.full(count, -1)
@@ -144,6 +145,9 @@ def match(view, planes, region, noise, constants, spans, rows, columns, with_sha
     for k in range(len(rows)):
         for j in range(len(columns)):
             i += 1
+            if not near[rows[k], 0] <= columns[j] < near[rows[k], 1]:
+                disparity[i] = BARE_TABLE
+                continue
             r, c = rows[k] - region.row, columns[j] - region.column
             noise_v = interpolate(noise[0], by_row, by_column, k, j)
             noise_u = interpolate(noise[1], by_row, by_column, k, j)
@@ -158,7 +162,7 @@ def match(view, planes, region, noise, constants, spans, rows, columns, with_sha
             if plane == TABLE:  # the edges of shadows wander too
                 u, v = at_c + region.column, at_r + region.row
                 w = inverse_depth_at(view, planes, TABLE, u, v)
-            if with_shadow and disparity[i] > 0 and w > 0 and spans[v, 0] <= u < spans[v, 1]:
+            if disparity[i] > 0 and w > 0 and shaded[v, 0] <= u < shaded[v, 1]:
                 if shadow_ray(view, planes, plane, u, v, w, origins[used], directions[used]):
                     ray[i] = used
                     used += 1

@@ -156,16 +156,29 @@ def row_spans(corners, height, width):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def bounding_box(spans, width, margin):
-    """(first row, end row, first column, end column) of the spans, widened by `margin` within the image."""
+def widened(spans, margin, width):
+    """The spans of all pixels within `margin` rows and columns of the given spans."""
+    wide = np.zeros_like(spans)
+    for row in range(len(spans)):
+        left, right = width, -1
+        for near in range(max(0, row - margin), min(len(spans), row + margin + 1)):
+            if spans[near, 1] > spans[near, 0]:
+                left, right = min(left, spans[near, 0]), max(right, spans[near, 1])
+        if right > left:
+            wide[row, 0], wide[row, 1] = max(0, left - margin), min(width, right + margin)
+    return wide
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def bounding_box(spans, width):
+    """(first row, end row, first column, end column) of the spans; `NOWHERE` if they are empty."""
     top, bottom, left, right = len(spans), -1, width, 0
     for row in range(len(spans)):
         if spans[row, 1] > spans[row, 0]:
             top, bottom = min(top, row), row
             left, right = min(left, spans[row, 0]), max(right, spans[row, 1])
-    if bottom < 0:
-        return NOWHERE
-    return max(0, top - margin), min(len(spans), bottom + 1 + margin), max(0, left - margin), min(width, right + margin)
+    return (top, bottom + 1, left, right) if bottom >= 0 else NOWHERE
 
 
 @no_type_check

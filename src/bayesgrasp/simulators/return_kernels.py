@@ -16,6 +16,8 @@ from bayesgrasp.simulators.ray_kernels import table_cosine
 
 COS_TILT_START = np.cos(AXIAL_TILT_START)
 COS_STEEPEST = np.cos(STEEPEST_TILT)
+BARE_TABLE = -1.0
+"""Disparity of a match that leaves the pixel as `sense_table` made it."""
 
 
 @no_type_check
@@ -117,6 +119,8 @@ def sense_matches(matches, blocked, constants, axial, grazing, corner, near, far
     for k in range(len(matches.ray)):
         i, j = k // len(columns), k % len(columns)
         ray, q, cosine = matches.ray[k], matches.disparity[k], matches.cosine[k]
+        if q == BARE_TABLE:
+            continue
         image[i, j] = 0.0
         if q > 0 and (ray < 0 or blocked[ray] < 0):
             drop = interpolate(grazing, local_row, local_column, i, j)
