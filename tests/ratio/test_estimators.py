@@ -1,6 +1,8 @@
 """Estimators as functions on R^3 x SO(3) x G: shapes, the double cover, independence of hands, gradients."""
 
+import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 import torch
@@ -9,9 +11,10 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
 from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig, ObjectState, in_object_frame
+from bayesgrasp.ratio.evidence import View, canonical_view, sample
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig, HandFeatures
-from bayesgrasp.ratio.local import LocalConfig
+from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig
 from bayesgrasp.ratio.model import GraspModel, LogRatio
 from bayesgrasp.types import Hands
 
@@ -151,11 +154,29 @@ def test_local_evidence_sees_an_obstacle_only_where_the_hand_is(local: LocalConf
     assert difference[1] < 1e-4
 
 
+def test_a_window_is_sampled_where_the_whole_image_would_be(local: LocalConfig) -> None:
+    """A map of the window, made of the image's own columns, gives the same columns at the same points."""
+    window = (4, 8, 16, 32)
+    whole, part = (build("local", replace(local, window=w)) for w in (None, window))
+    columns = torch.arange(48.0).expand(1, 1, 32, 48)
+    grid = torch.rand(1, 3, 5, 2, generator=torch.Generator().manual_seed(0)) * 0.4 - 0.2
+    cut = columns[..., 4:20, 8:40]
+    torch.testing.assert_close(sample(cut, part.in_window(grid)), sample(columns, whole.in_window(grid)))
+    with pytest.raises(InvalidConfigurationError, match="does not fit"):
+        replace(local, window=(0, 0, 33, 48))
+
+
+def test_the_window_of_the_workspace_shows_the_workspace() -> None:
+    corners = torch.cartesian_prod(torch.tensor([-0.15, 0.15]), torch.tensor([-0.15, 0.15]), torch.tensor([0.0, 0.3]))
+    grid = build("local", LocalConfig(window=WORKSPACE_WINDOW)).in_window(
+        View(canonical_view()).project(corners)[0][None, None]
+    )
+    assert grid.abs().max() < 1.001
+
+
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_configurations_survive_json(kind: str) -> None:
-    import json
-
-    config = KINDS[kind].config()
+    config = KINDS[kind].config() if kind != "local" else LocalConfig(window=WORKSPACE_WINDOW)
     assert config_from_dict(kind, json.loads(json.dumps(config_to_dict(config)))) == config
 
 

@@ -6,6 +6,7 @@ module without running any code from the file.
 
 import dataclasses
 from dataclasses import dataclass
+from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from torch import nn
@@ -84,6 +85,8 @@ def _restore(target: Any, content: Any) -> Any:
     if dataclasses.is_dataclass(target) and isinstance(target, type):
         hints = get_type_hints(target)
         return target(**{name: _restore(hints[name], value) for name, value in content.items()})
+    if get_origin(target) is UnionType:
+        return None if content is None else _restore(get_args(target)[0], content)
     if get_origin(target) is tuple:
         kinds = get_args(target)
         kinds = kinds[:1] * len(content) if kinds[1:] == (...,) else kinds

@@ -25,6 +25,10 @@ from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, sample
 from bayesgrasp.ratio.layers import HandConfig, HandFeatures, conv_stage, mlp
 from bayesgrasp.types import Hands
 
+Window = tuple[int, int, int, int]
+
+WORKSPACE_WINDOW: Window = (0, 40, 128, 176)
+"""Where the canonical camera sees |x|, |y| <= 0.17 m and z <= 0.3 m: half of the image, for half of the work."""
 OFFSET_UNIT = 0.05
 """A learned surface is this many metres behind the measured one for an output of 1."""
 OFFSET_SCALE = 0.02
@@ -44,6 +48,8 @@ class LocalConfig:
         every: They are looked up at every so many points, the surfaces at all of them.
         vector: Length of the global vector.
         widths: Widths of the hidden layers of the head.
+        window: Part of the image that the convolutions see: top, left, height, width, pixels; all of it if None. Depths
+            are looked up in the whole image.
     """
 
     hand: HandConfig = field(default_factory=lambda: HandConfig(embedding=4))
@@ -54,11 +60,20 @@ class LocalConfig:
     every: int = 3
     vector: int = 64
     widths: tuple[int, ...] = (192, 192, 96)
+    window: Window | None = None
 
     def __post_init__(self) -> None:
         check_widths(self.widths)
+        (top, left, height, width), view = self.seen, self.evidence.view
+        if min(top, left) < 0 or min(height, width) < 1 or top + height > view.height or left + width > view.width:
+            raise InvalidConfigurationError(f"window {self.window} does not fit {view.height} x {view.width} pixels")
         if min(*self.channels, self.surfaces, self.features, self.every, self.vector) < 1:
             raise InvalidConfigurationError(f"channels, surfaces, features, every and vector must be positive: {self}")
+
+    @property
+    def seen(self) -> Window:
+        """The window, the whole image where there is none."""
+        return self.window or (0, 0, self.evidence.view.height, self.evidence.view.width)
 
 
 class Context(NamedTuple):
@@ -67,7 +82,7 @@ class Context(NamedTuple):
     depth: Tensor
     """Measured depth without gaps, (b, 1, height, width), metres."""
     maps: Tensor
-    """Learned surfaces, then learned features, at half the resolution, (b, c, height / 2, width / 2)."""
+    """Learned surfaces, then learned features, of the window, at half the resolution, (b, c, height / 2, width / 2)."""
     vector: Tensor
     """The image's share of the head's first layer, (b, width)."""
 
@@ -84,15 +99,17 @@ class LocalEncoder(nn.Module):
         self.lateral = nn.ModuleList([nn.Conv2d(a, b, 1) for a, b in ((c16, c8), (c8, c4), (c4, c2))])
         self.merge = nn.ModuleList([conv_stage(c, c, 1) for c in (c8, c4, c2)])
         self.maps = nn.Conv2d(c2, config.surfaces + config.features, 1)
-        cells = -(-config.evidence.view.height // 16) * -(-config.evidence.view.width // 16)
+        top, left, height, width = config.seen
+        self.rows, self.columns = slice(top, top + height), slice(left, left + width)
+        cells = -(-height // 16) * -(-width // 16)
         self.pool = nn.Conv2d(c16, 16, 1)
         self.vector = nn.Sequential(nn.Linear(16 * cells, config.vector), nn.ReLU())
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, images: Tensor, depth: Tensor) -> tuple[Tensor, Tensor]:
-        """Maps (b, c, height / 2, width / 2) and global vectors (b, vector)."""
-        surface = self.view.surface(depth)
-        inputs = torch.cat([surface / 0.1, (images > 0).to(depth.dtype), (depth - 0.75) * 10.0], 1).clamp(-5.0, 5.0)
+        """Maps of the window (b, c, height / 2, width / 2) and global vectors (b, vector)."""
+        parts = [self.view.surface(depth) / 0.1, (images > 0).to(depth.dtype), (depth - 0.75) * 10.0]
+        inputs = torch.cat([part[..., self.rows, self.columns] for part in parts], 1).clamp(-5.0, 5.0)
         levels = [inputs.contiguous(memory_format=torch.channels_last)]
         for stage in self.down:
             levels.append(stage(levels[-1]))
@@ -138,12 +155,19 @@ class LocalSuccess(nn.Module):
         """Local evidence of each hand."""
         grid, depth = self.points(hands)
         signed = depth - sample(context.depth, grid).squeeze(1)
-        maps = sample(context.maps, grid)
+        maps = sample(context.maps, self.in_window(grid))
         offsets, features = maps.split([self.config.surfaces, self.config.features], 1)
         behind = torch.tanh((signed[:, None] - OFFSET_UNIT * offsets) / OFFSET_SCALE)
         parts = [torch.tanh(signed / scale) for scale in self.config.evidence.scales]
         parts += [_by_hand(behind), _by_hand(features[..., :: self.config.every])]
         return torch.cat(parts, -1)
+
+    def in_window(self, grid: Float[Tensor, "b k p 2"]) -> Float[Tensor, "b k p 2"]:
+        """From sampling coordinates of the image to those of the window."""
+        top, left, height, width = self.config.seen
+        view = self.config.evidence.view
+        scale = grid.new_tensor([view.width / width, view.height / height])
+        return (grid + 1) * scale - grid.new_tensor([2 * left / width, 2 * top / height]) - 1
 
 
 def _by_hand(values: Float[Tensor, "b c k p"]) -> Float[Tensor, "b k c*p"]:

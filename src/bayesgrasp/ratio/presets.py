@@ -15,7 +15,7 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig
 from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig
-from bayesgrasp.ratio.local import LocalConfig
+from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig, Window
 from bayesgrasp.ratio.losses import LossConfig
 from bayesgrasp.ratio.objectives import (
     FullObjective,
@@ -41,12 +41,14 @@ class Setup:
         low, high: Support of the prior's positions, metres.
         view: The canonical camera at the network's image size.
         objects: Number of meshes.
+        window: Where the view shows the workspace; see `LocalConfig`.
     """
 
     low: tuple[float, float, float] = (-0.15, -0.15, 0.12)
     high: tuple[float, float, float] = (0.15, 0.15, 0.34)
     view: ViewConfig = field(default_factory=canonical_view)
     objects: int = 24
+    window: Window | None = WORKSPACE_WINDOW
 
     def hand(self, embedding: int) -> HandConfig:
         """The hand as a vector, with an embedding of the type of this length."""
@@ -99,7 +101,7 @@ def preset(
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
     else:
-        local = LocalConfig(setup.hand(4), PointsConfig(setup.view))
+        local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window)
         success = Part("success", "local", local, SuccessObjective(), train)
     full = FullConfig(setup.hand(4), setup.objects)
     parts = {

@@ -206,7 +206,7 @@ def train(
     if len(training) == 0:
         raise DataError("there are no training scenes: an epoch needs at least one batch")
     run = _Run(initialised(build, config.seed).to(device), objective, config, device, len(training))
-    state = TrainingState(fingerprint=repr((config, objective, len(training))))
+    state = TrainingState(fingerprint=repr((config, objective, len(training), getattr(run.estimator, "config", None))))
     if resume and state_file is not None and state_file.exists():
         state = load_state(state_file, state.fingerprint, run.estimator, run.averaged, run.best, run.optimizer)
     while not _finished(state, config):
