@@ -133,8 +133,8 @@ def shadow_ray(view, planes, plane, u, v, inverse_depth, origin, direction):
 def match(view, planes, region, noise, constants, near, shaded, rows, columns):
     """Steps 1 and 2, and the rays of step 3, for the pixels rows x columns of the image, all inside the region.
 
-    `noise` holds lattices (>= 2, ., .) of the region; `near` and `shaded` are the columns of each row where there may be
-    more than bare table, and where there may be shadow.
+    `noise` holds lattices (>= 2, ., .) of the region; `near` and `shaded` are the columns of each row where there may
+    be more than bare table, and where there may be shadow.
     """
     count = len(rows) * len(columns)
     disparity, cosine, ray = np.zeros(count), np.zeros(count), np.full(count, -1)
