@@ -1,0 +1,75 @@
+"""The demo tells its story in words and in one picture, whatever becomes of the grasp."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from untrained_model import save_untrained
+
+from bayesgrasp.cli import loading
+from bayesgrasp.cli.main import main
+from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.posterior.planner import Planner, Posterior
+from bayesgrasp.posterior.surface import SurfaceReader
+from bayesgrasp.types import Hands
+
+
+def given_image(image: torch.Tensor):
+    """A rule of thumb in place of a trained ratio: fingers around the top of what rises above the table."""
+    surface = SurfaceReader(canonical_camera().resized(256, 160)).read(image[0].numpy())
+    low, high = (torch.from_numpy(np.percentile(surface.item_points, q, axis=0)).float() for q in (2, 98))
+    middle = torch.cat([(low + high)[:2] / 2, high[2:] - 0.04])
+
+    def log_ratio(hands: Hands) -> torch.Tensor:
+        tip = hands.position + hands.rotation @ torch.tensor([0.13, 0.0, 0.0])
+        return -0.5 * ((tip - middle) / 0.01).square().sum(-1) - 1.0
+
+    return log_ratio
+
+
+def nothing_works(image: torch.Tensor):
+    """The palm at the table: no grasp is within reach."""
+    return lambda hands: -1e4 * (hands.position[..., 2] - 0.12) - 1.0
+
+
+@pytest.fixture(scope="module")
+def planner(tmp_path_factory: pytest.TempPathFactory) -> Planner:
+    return loading.load_planner(save_untrained(tmp_path_factory.mktemp("demo") / "model"))
+
+
+def show(monkeypatch: pytest.MonkeyPatch, planner: Planner, rule, out: Path) -> np.ndarray:
+    thinker = replace(planner, posterior=Posterior(rule, lambda value: value.sigmoid()))
+    monkeypatch.setattr(loading, "load_planner", lambda model: thinker)
+    main(["demo", "--object", "household_carton", "--seed", "1", "--out", str(out)])
+    return np.asarray(Image.open(out))
+
+
+def test_a_grasp_is_planned_tried_and_drawn(
+    monkeypatch: pytest.MonkeyPatch, planner: Planner, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    story = show(monkeypatch, planner, given_image, tmp_path / "story.png")
+    printed = capsys.readouterr().out
+    assert "household_carton" in printed
+    assert "planned in" in printed
+    assert "Lift test of the first grasp: success." in printed
+    assert "the lift" in printed
+    assert story[-150:].std() > 20, "the film strip shows something"
+
+
+def test_no_grasp_is_a_story_too(
+    monkeypatch: pytest.MonkeyPatch, planner: Planner, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show(monkeypatch, planner, nothing_works, tmp_path / "story.png")
+    printed = capsys.readouterr().out
+    assert "no grasp: unreachable" in printed
+    assert "Lift test" not in printed
+
+
+def test_the_picture_is_refused_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for wrong in (tmp_path / "story.gif", tmp_path / "no" / "story.png"):
+        with pytest.raises(SystemExit):
+            main(["demo", "--out", str(wrong)])
+        assert ".png" in capsys.readouterr().err
