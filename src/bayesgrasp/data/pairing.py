@@ -76,6 +76,7 @@ class DrawPairing:
         self.log_base = attempts.log_weight - refresh.log_marginal(self.relative)
         success, dropped = attempts.outcome == Outcome.SUCCESS, attempts.outcome == Outcome.DROPPED
         self.classes = (success, dropped, ~(success | dropped))
+        self.trials = np.zeros(len(attempts), np.int64)  # draws until reachable, of the attempts that were asked
 
     def choose(self, object_pose: Float64[np.ndarray, "3"], rng: np.random.Generator) -> HandRecords:
         """K hands for a scene of this draw, in random order, padded where there are too few; shape (1, K)."""
@@ -86,7 +87,7 @@ class DrawPairing:
         hands = AttemptRecords(**there[taken].columns())
         weight = omega[taken] / probability / len(omega) * np.exp(hands.object_log_weight)
         selection = value[taken] / probability / max(value.sum(), 1e-300)
-        outcome, certain, factor = self._reach(hands, rng)
+        outcome, certain, factor = self._reach(hands, taken, rng)
         hands = replace(hands, outcome=outcome)
         return _pad(hands, taken, weight * certain * factor, selection * certain, self.config.hands)
 
@@ -114,19 +115,24 @@ class DrawPairing:
             places[index] += min(total - sum(places), available[index] - places[index])
         return places
 
-    def _reach(self, hands: AttemptRecords, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _reach(
+        self, hands: AttemptRecords, taken: Int64[np.ndarray, "k"], rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Outcome in the scene, whether it is known, and the factor 1 / a(rho) or its estimate."""
         known = hands.outcome != Outcome.UNREACHABLE
         if self.refresh.reachable is None:
             return hands.outcome, np.ones(len(hands)), np.ones(len(hands))
         reached = self.refresh.reachable(hands)
         outcome = np.where(reached, hands.outcome, np.uint8(Outcome.UNREACHABLE))
-        factor = np.ones(len(hands))
-        lost = reached & known
-        if lost.any():
-            _, trials = self.refresh.redraw(hands[lost], np.ones(int(lost.sum()), bool), rng)
-            factor[lost] = trials
+        self._count_trials(taken[reached & known], rng)
+        factor = np.where(reached & known, self.trials[taken], 1)
         return outcome, (~reached | known).astype(np.float64), factor
+
+    def _count_trials(self, rows: Int64[np.ndarray, "m"], rng: np.random.Generator) -> None:
+        """Draw the numbers for the attempts that have none yet; scenes of the draw share them."""
+        new = rows[self.trials[rows] == 0]
+        if len(new):
+            _, self.trials[new] = self.refresh.redraw(self.attempts[new], np.ones(len(new), bool), rng)
 
 
 def inclusion_probabilities(value: Float64[np.ndarray, "n"], count: int) -> Float64[np.ndarray, "n"]:
@@ -171,8 +177,5 @@ def _pad(
 
 
 def _extend(column: np.ndarray, missing: int) -> np.ndarray:
-    """Repeat the last row, so that padding is a valid hand; its weight is set to 0 where it matters."""
-    if not missing:
-        return column
-    filler = np.zeros((missing, *column.shape[1:]), column.dtype)
-    return np.concatenate([column, filler])
+    """Zeros at the end, the weights among them."""
+    return np.concatenate([column, np.zeros((missing, *column.shape[1:]), column.dtype)])
