@@ -45,7 +45,7 @@ def refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) 
 
 def test_wrong_options_are_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     base = ["generate", "--attempts", "10", "--out", str(tmp_path / "x"), "--split", "household_drink_can"]
-    refused([*base, "--workers", "0"], "workers must be at least 1", capsys)
+    refused([*base, "--workers=-1"], "workers must be at least 1", capsys)
     refused([*base, "--prior-share", "0"], "prior_share must be in (0, 1)", capsys)
     refused([*base, "--ray-address", "auto"], "--ray-address goes with --executor ray", capsys)
     refused([*base[:2], "0", *base[3:]], "attempts must be at least 1", capsys)

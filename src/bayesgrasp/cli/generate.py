@@ -18,7 +18,7 @@ def generate(
     attempts: int,
     out: Path,
     seed: int = 0,
-    workers: int = os.cpu_count() or 1,
+    workers: int = 0,
     executor: Literal["local", "ray"] = "local",
     ray_address: str | None = None,
     resume: bool = False,
@@ -44,7 +44,7 @@ def generate(
         attempts: How many lift tests the data set shall have.
         out: Directory of the data set.
         seed: Of all random numbers.
-        workers: Processes on this machine; with Ray, the number of chunks under way (0: the cluster's cores).
+        workers: Processes on this machine, or, with Ray, chunks under way; 0 for as many as there are cores.
         executor: local, or ray (needs the extra `bayesgrasp[ray]`).
         ray_address: Address of a running Ray cluster; by default one is started on this machine.
         resume: Go on with the data set in --out, or start it where there is none.
@@ -92,7 +92,7 @@ def _executor(name: str, workers: int, address: str | None) -> Executor:
     if name == "local":
         if address is not None:
             raise InvalidConfigurationError("--ray-address goes with --executor ray")
-        return LocalPool(workers)
+        return LocalPool(workers or os.cpu_count() or 1)
     from bayesgrasp.data.scale import RayPool
 
     return RayPool(address, workers)
