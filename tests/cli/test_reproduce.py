@@ -1,0 +1,45 @@
+"""The whole experiment: stages are done once and in order, and the small one climbs the ladder."""
+
+from pathlib import Path
+
+import pytest
+
+from bayesgrasp.cli.reproduce import SCALES, Stages
+from bayesgrasp.errors import InvalidConfigurationError
+
+
+def test_a_stage_is_done_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    calls: list[str] = []
+    for _ in range(2):
+        stages = Stages(tmp_path / "x", {"seed": 1, "box": (1, 2)})
+        for name in ("data", "training"):
+            stages.run(name, lambda name=name: calls.append(name))
+    assert calls == ["data", "training"]
+    assert capsys.readouterr().out.splitlines()[-1] == "training: done before"
+
+
+def test_a_stage_that_fails_is_repeated(tmp_path: Path) -> None:
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Stages(tmp_path, {}).run("data", fail)
+    assert Stages(tmp_path, {}).done == []
+
+
+def test_another_experiment_is_refused(tmp_path: Path) -> None:
+    Stages(tmp_path, {"scale": "small", "seed": 1})
+    with pytest.raises(InvalidConfigurationError, match="scale small, seed 1"):
+        Stages(tmp_path, {"scale": "small", "seed": 2})
+    (tmp_path / "experiment.json").write_text("[]")
+    with pytest.raises(InvalidConfigurationError, match="cannot be read"):
+        Stages(tmp_path, {"scale": "small", "seed": 1})
+
+
+def test_the_full_experiment_is_the_papers() -> None:
+    """All rows of the table, 1000 attempts each, and never a look at the unseen objects before the benchmark."""
+    full = SCALES["full"]
+    assert set(full.estimators) >= {"metric", "success", "full"}
+    assert full.scenes == 1000
+    assert full.split == "train"
+    assert {"train", "unseen"} <= set(full.judged)
