@@ -1,102 +1,57 @@
-"""A mirrored scene is what the simulators make of the mirrored world."""
+"""A mirrored scene is a scene: proper rotations, an involution, and the same local evidence for the mirrored hand."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from dataclasses import replace
 
-import numpy as np
-import pytest
 import torch
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.geometry.camera import canonical_camera, look_at
-from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.batch import TensorBatch
-from bayesgrasp.ratio.evidence import ViewConfig, canonical_view
-from bayesgrasp.ratio.mirror import Mirrored, check_mirror, mirrored
-from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.depth import DepthSensor
-from bayesgrasp.simulators.preprocess import preprocess
-from bayesgrasp.types import Scenes
+from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, canonical_view, sample
+from bayesgrasp.ratio.mirror import mirrored, mirrored_at_random
 
-B, K = 3, 4
+MakeBatch = Callable[..., TensorBatch]
+ALL = torch.tensor([True, True])
 
 
-def scenes(sign: float) -> Scenes:
-    pose = np.array([[0.03, 0.02, 0.7], [-0.02, -0.04, 2.0], [0.0, 0.01, -1.0]], np.float32)
-    pose[:, 1:] *= sign
-    return Scenes(np.zeros(B, np.int32), np.ones(B, np.float32), pose)
+def test_mirroring_twice_changes_nothing(batch: MakeBatch) -> None:
+    two = batch(2, 4, 0)
+    twice = mirrored(mirrored(two, ALL), ALL)
+    for name in ("position", "rotation"):
+        assert torch.equal(getattr(twice.hands, name), getattr(two.hands, name))
+    assert torch.equal(twice.images, two.images)
+    assert torch.equal(twice.object_pose, two.object_pose)
 
 
-def batch(sign: float = 1.0) -> TensorBatch:
-    """Clean images of a box, which is its own mirror image."""
-    sensor = DepthSensor(load_objects(["household_tea_box"]))
-    images = np.stack([preprocess(image) for image in sensor.render_clean(scenes(sign))])
-    hands = GraspPrior().sample(B * K, generator(1, 0))
-    hands = type(hands)(
-        hands.position.reshape(B, K, 3), hands.rotation.reshape(B, K, 3, 3), hands.grasp_type.reshape(B, K)
+def test_mirrored_hands_have_proper_rotations_and_keep_height_and_approach_angle(batch: MakeBatch) -> None:
+    two = batch(2, 4, 0)
+    other = mirrored(two, ALL).hands
+    torch.testing.assert_close(torch.linalg.det(other.rotation), torch.ones(2, 4))
+    assert torch.equal(other.position[..., 2], two.hands.position[..., 2])
+    assert torch.equal(other.rotation[..., 2, 0], two.hands.rotation[..., 2, 0])
+    assert torch.equal(other.position[..., 1], -two.hands.position[..., 1])
+
+
+def test_the_mirrored_hand_meets_the_same_depths_in_the_mirrored_image(batch: MakeBatch) -> None:
+    two = batch(2, 4, 0)
+    rng = torch.Generator().manual_seed(0)
+    smooth = torch.nn.functional.interpolate(
+        0.6 + 0.3 * torch.rand(2, 1, 5, 8, generator=rng), (160, 256), mode="bilinear"
     )
-    ones = torch.ones(B, K)
-    where = scenes(sign)
-    return TensorBatch(
-        hands=hands,
-        success=ones,
-        weight=ones,
-        selection_weight=ones,
-        images=torch.from_numpy(images)[:, None],
-        object_index=torch.from_numpy(where.object_index.astype(np.int64)),
-        scale=torch.from_numpy(where.scale),
-        object_pose=torch.from_numpy(where.object_pose),
-        friction=ones,
-    )
+    scene = replace(two, images=smooth)
+    points = HandPoints(PointsConfig(canonical_view()))
+
+    def evidence(some: TensorBatch) -> torch.Tensor:
+        grid, depth = points(some.hands)
+        return (depth - sample(some.images, grid)[:, 0]).sort(-1).values
+
+    torch.testing.assert_close(evidence(mirrored(scene, ALL)), evidence(scene), atol=1e-4, rtol=0)
+    wrong = replace(scene, images=scene.images.flip(-1))
+    assert (evidence(wrong) - evidence(scene)).abs().max() > 0.01
 
 
-ALL, NONE = torch.ones(B, dtype=torch.bool), torch.zeros(B, dtype=torch.bool)
-
-
-def test_the_mirrored_image_is_the_image_of_the_mirrored_scene() -> None:
-    reflected, simulated = mirrored(batch(1.0), ALL), batch(-1.0)
-    torch.testing.assert_close(reflected.object_pose, simulated.object_pose)
-    difference = (reflected.images - simulated.images).abs()
-    assert (difference < 1e-3).float().mean() > 0.995, "equal but for pixels at edges"
-    assert (batch(1.0).images - simulated.images).abs().max() > 0.01
-
-
-def test_hands_are_mirrored_to_proper_rotations() -> None:
-    before, after = batch().hands, mirrored(batch(), ALL).hands
-    torch.testing.assert_close(torch.linalg.det(after.rotation), torch.ones(B, K))
-    flip = torch.tensor([1.0, -1.0, 1.0])
-    torch.testing.assert_close(after.position, before.position * flip)
-    for axis in (0, 1):  # approach and closing directions are reflected, the third follows
-        torch.testing.assert_close(after.rotation[..., axis], before.rotation[..., axis] * flip)
-
-
-def test_mirroring_twice_changes_nothing_and_only_the_chosen_change() -> None:
-    once, some = mirrored(batch(), ALL), mirrored(batch(), torch.tensor([True, False, False]))
-    twice = mirrored(once, ALL)
-    torch.testing.assert_close(twice.images, batch().images)
-    torch.testing.assert_close(twice.hands.rotation, batch().hands.rotation)
-    torch.testing.assert_close(some.images[1:], batch().images[1:])
-    torch.testing.assert_close(some.images[:1], once.images[:1])
-    torch.testing.assert_close(mirrored(batch(), NONE).hands.position, batch().hands.position)
-
-
-def test_the_source_gives_the_same_batches_again() -> None:
-    class Source:
-        def __len__(self) -> int:
-            return 4
-
-        def __call__(self, epoch: int) -> Iterator[TensorBatch]:
-            return (batch() for _ in range(4))
-
-    source = Mirrored(Source(), seed=2)
-    first, again, other = (torch.stack([b.hands.position for b in source(epoch)]) for epoch in (0, 0, 1))
-    torch.testing.assert_close(first, again, rtol=0, atol=0)
-    assert not torch.equal(first, other)
-    assert len(source) == 4
-
-
-def test_a_camera_off_the_mirror_plane_is_refused() -> None:
-    check_mirror(canonical_view())
-    aside = look_at(np.array([0.4, 0.1, 0.7]), np.array([0.0, 0.0, 0.05]))
-    with pytest.raises(InvalidConfigurationError, match="plane y = 0"):
-        check_mirror(ViewConfig.of(canonical_camera().with_pose(aside)))
+def test_a_share_of_the_scenes_is_mirrored(batch: MakeBatch) -> None:
+    many = batch(400, 1, 0)
+    rng = torch.Generator().manual_seed(0)
+    changed = mirrored_at_random(many, 0.5, rng).hands.position[:, 0, 1] != many.hands.position[:, 0, 1]
+    assert 150 < changed.sum() < 250
+    assert mirrored_at_random(many, 0.0, rng) is many

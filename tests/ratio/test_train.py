@@ -163,7 +163,16 @@ def test_no_data_is_an_error(make: Build, source: Source) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"epochs": 0}, {"learning_rate": 0.0}, {"warmup": 1.0}, {"average": 1.0}, {"patience": -1}, {"clip": 0.0}]
+    "wrong",
+    [
+        {"epochs": 0},
+        {"learning_rate": 0.0},
+        {"warmup": 1.0},
+        {"average": 1.0},
+        {"patience": -1},
+        {"clip": 0.0},
+        {"mirror": 1.5},
+    ],
 )
 def test_invalid_schedules_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidConfigurationError, match=next(iter(wrong))):

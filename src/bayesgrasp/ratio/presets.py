@@ -102,7 +102,7 @@ def preset(
         success = Part("success", "global", image, SuccessObjective(), train)
     else:
         local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window)
-        success = Part("success", "local", local, SuccessObjective(), train)
+        success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects)
     parts = {
         "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), fast),

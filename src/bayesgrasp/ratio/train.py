@@ -24,6 +24,7 @@ from torch import nn
 
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.ratio.batch import Batch, TensorBatch, on_device
+from bayesgrasp.ratio.mirror import mirrored_at_random
 from bayesgrasp.ratio.objectives import Objective
 from bayesgrasp.ratio.state import TrainingState, load_state, save_state
 from bayesgrasp.seeding import torch_generator
@@ -59,6 +60,7 @@ class TrainConfig:
         average: Decay of the averaged weights per step.
         patience: Epochs without improvement on held-out scenes before stopping; 0 never stops early.
         bf16: Autocast to bfloat16.
+        mirror: Share of the training scenes that are mirrored afresh in every epoch (`mirror.py`).
         save_every: Steps between two saved states; one is also saved after every epoch.
         seed: Of the weights' start and of the objective's draws.
     """
@@ -71,6 +73,7 @@ class TrainConfig:
     average: float = 0.998
     patience: int = 0
     bf16: bool = True
+    mirror: float = 0.0
     save_every: int = 500
     seed: int = 0
 
@@ -79,6 +82,8 @@ class TrainConfig:
             raise InvalidConfigurationError(f"need epochs and save_every >= 1 and patience >= 0, got {self}")
         if self.learning_rate <= 0 or self.clip <= 0 or self.weight_decay < 0:
             raise InvalidConfigurationError(f"need learning_rate and clip > 0 and weight_decay >= 0, got {self}")
+        if not 0 <= self.mirror <= 1:
+            raise InvalidConfigurationError(f"mirror must be a share in [0, 1], got {self.mirror}")
         if not (0 <= self.warmup < 1 and 0 <= self.average < 1):
             raise InvalidConfigurationError(f"warmup and average must lie in [0, 1), got {self}")
 
@@ -150,6 +155,7 @@ class _Run:
         rate = learning_rate(count, self.steps * self.config.epochs, self.config)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
+        batch = mirrored_at_random(batch, self.config.mirror, torch_generator(self.config.seed, 2, count))
         with self.autocast():
             loss = self.objective(self.estimator, batch, torch_generator(self.config.seed, 1, count))
         self.optimizer.zero_grad(set_to_none=True)

@@ -1,0 +1,83 @@
+"""``bayesgrasp train`` on a small set from cheap simulators: a model that loads, resume, and clear refusals."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from bayesgrasp.cli.main import main
+from bayesgrasp.data.engine import Run, open_store
+from bayesgrasp.data.pool import InProcess
+from bayesgrasp.ratio.checkpoint import load_model
+from bayesgrasp.types import Hands
+
+sys.path.append(str(Path(__file__).parents[1] / "data"))
+import fake_world
+
+OPTIONS = ["--epochs", "1", "--batch-size", "8", "--preset", "paper"]
+PARTS = ["--estimators", "metric", "image"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of the fake world, with the manifest that real simulators would write."""
+    directory = tmp_path_factory.mktemp("train") / "data"
+    manifest = fake_world.manifest()
+    box = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
+    config = {**manifest.config, "generate": {"grasp": box}}
+    store = open_store(directory, replace(manifest, config=config, gripper="robotiq-3f"), False)
+    Run(store, fake_world.recipe(), 3000).execute(InProcess())
+    return directory
+
+
+def run(*words: str | Path) -> None:
+    main(["train", *map(str, words)])
+
+
+def test_a_model_is_trained_loaded_and_resumed(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model"
+    run("--data", data, "--out", out, *OPTIONS, *PARTS)
+    assert "image: held-out loss" in capsys.readouterr().out
+    model = load_model(out)
+    assert model.card["objects"] == [item["id"] for item in json.loads((data / "manifest.json").read_text())["objects"]]
+    assert 0 < model.card["success_rate"] < 0.2
+    assert model.card["prior"]["kappa"] == 30.0
+    metrics = model.card["estimators"]["image"]["metrics"]
+    assert {"balance", "mean_ratio", "mean_log_ratio"} == metrics["checks"].keys()
+    some = Hands(torch.tensor([[0.0, 0.0, 0.2]]), torch.eye(3)[None], torch.tensor([1]))
+    value = model.given_image(torch.full((1, 160, 256), 0.7))(some)
+    assert value.isfinite().all()
+
+    with pytest.raises(SystemExit):
+        run("--data", data, "--out", out, *OPTIONS, *PARTS)
+    assert "--resume" in capsys.readouterr().err
+    run("--data", data, "--out", out, *OPTIONS, *PARTS, "--resume")
+    torch.testing.assert_close(load_model(out).given_image(torch.full((1, 160, 256), 0.7))(some), value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--epochs", "0"], "epochs"),
+        (["--learning-rate", "-1"], "learning_rate"),
+        (["--device", "toaster"], "the device 'toaster' cannot be used"),
+        (["--batch-size", "0"], "batch_size must be at least 1"),
+    ],
+)
+def test_wrong_options_are_one_clear_error(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        run("--data", data, "--out", tmp_path / "model", *words)
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_missing_data_is_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        run("--data", tmp_path / "nothing", "--out", tmp_path / "model")
+    assert stop.value.code == 2
+    assert "error:" in capsys.readouterr().err
