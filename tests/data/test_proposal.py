@@ -37,7 +37,7 @@ def pilot() -> AttemptRecords:
     return run(config(), 0, Proposal.prior(fake_world.OBJECTS))
 
 
-@pytest.fixture(scope="module", params=[{}, {"position_deviation": 0.06, "kappa": 20.0}, {"prior_share": 0.2}])
+@pytest.fixture(scope="module", params=[{}, {"position_deviation": 0.06, "kappa": 20.0, "prior_share": 0.2}])
 def adapted(request: pytest.FixtureRequest, pilot: AttemptRecords) -> tuple[GenerateConfig, AttemptRecords]:
     settings = config(**request.param)
     proposal = learn(pilot, fake_world.OBJECTS, settings.adaptive, np.random.default_rng(0))

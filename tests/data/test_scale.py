@@ -2,10 +2,12 @@
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import fake_world
@@ -20,7 +22,7 @@ ray = pytest.importorskip("ray", reason="the extra bayesgrasp[ray] is not instal
 from bayesgrasp.data.scale import RayPool  # noqa: E402
 from bayesgrasp.errors import InvalidConfigurationError  # noqa: E402
 
-ATTEMPTS = 1500
+ATTEMPTS = 900
 RAY = Path(sys.executable).with_name("ray")
 
 
@@ -34,34 +36,34 @@ def start(*options: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True, env=environment()).stdout
 
 
-def raylets() -> set[int]:
-    """Process ids of the nodes on this machine."""
-    found = set()
+def servers() -> dict[int, str]:
+    """Process ids and names of Ray's servers on this machine: one gcs_server for a cluster, one raylet for a node."""
+    found = {}
     for path in Path("/proc").glob("[0-9]*/comm"):
-        try:
-            if path.read_text().strip() == "raylet":
-                found.add(int(path.parent.name))
-        except OSError:
-            continue
+        with suppress(OSError):
+            name = path.read_text().strip()
+            if name in ("raylet", "gcs_server"):
+                found[int(path.parent.name)] = name
     return found
 
 
 @pytest.fixture
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, int]]:
+def cluster() -> Iterator[tuple[str, int]]:
     """Address of the cluster, and the process id of its second node."""
-    if raylets():
-        pytest.skip("another Ray cluster runs on this machine")
+    others = set(servers())
     folder = Path("/tmp") / f"bg-{os.getpid()}"  # Ray's sockets need a short path
-    output = start("--head", "--port=0", "--include-dashboard=false", f"--temp-dir={folder}")
-    address = re.search(r"--address='([0-9.:]+)'", output)
-    assert address is not None, output
-    head = raylets()
-    start(f"--address={address[1]}")
-    (second,) = raylets() - head
-    yield address[1], second
-    for pid in raylets():
-        os.kill(pid, signal.SIGKILL)
-    subprocess.run([RAY, "stop", "--force"], check=False, capture_output=True)
+    try:
+        output = start("--head", "--port=0", "--include-dashboard=false", f"--temp-dir={folder}")
+        address = re.search(r"--address='([0-9.:]+)'", output)
+        assert address is not None, output
+        head = set(servers())
+        start(f"--address={address[1]}")
+        (second,) = set(servers()) - head
+        yield address[1], second
+    finally:
+        for pid in set(servers()) - others:
+            os.kill(pid, signal.SIGKILL)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def test_a_node_is_killed_and_nothing_is_lost(cluster: tuple[str, int], tmp_path: Path) -> None:
@@ -71,7 +73,7 @@ def test_a_node_is_killed_and_nothing_is_lost(cluster: tuple[str, int], tmp_path
     command = [sys.executable, Path(__file__).with_name("clustered.py"), tmp_path / "there", str(ATTEMPTS)]
     subprocess.run([*command, address, str(second)], check=True, env=environment())
     store = Store(tmp_path / "there")
-    assert second not in raylets()
+    assert second not in servers()
     assert store.manifest() == expected
     assert store.entries() == reference.entries()
     for chunk in store.entries():
