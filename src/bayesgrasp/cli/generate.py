@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -93,6 +94,8 @@ def _executor(name: str, workers: int, address: str | None) -> Executor:
         if address is not None:
             raise InvalidConfigurationError("--ray-address goes with --executor ray")
         return LocalPool(workers or os.cpu_count() or 1)
+    if importlib.util.find_spec("ray") is None:
+        raise InvalidConfigurationError("--executor ray needs Ray: pip install 'bayesgrasp[ray]'")
     from bayesgrasp.data.scale import RayPool
 
     return RayPool(address, workers)
