@@ -34,7 +34,6 @@ def train(
     threads: int | None = None,
     resume: bool = False,
     practice: tuple[Path, ...] = (),
-    mirror: bool = True,
     start: Path | None = None,
 ) -> None:
     """Train likelihood-to-evidence ratio estimators on a data set.
@@ -59,7 +58,6 @@ def train(
         threads: CPU threads; by default torch's own choice.
         resume: Go on with the run in --out, or start it where there is none.
         practice: Data sets from `bayesgrasp practice` to learn from as well.
-        mirror: Train p(S = 1 | i, h) on mirrored scenes as well.
         start: Directory of a model of the same preset whose weights training starts from.
     """
     import torch
@@ -68,7 +66,6 @@ def train(
     from bayesgrasp.ratio.checkpoint import load_model
     from bayesgrasp.ratio.fit import fit, sources, with_practice
     from bayesgrasp.ratio.losses import LossConfig
-    from bayesgrasp.ratio.mirror import Mirrored, check_mirror
     from bayesgrasp.ratio.presets import preset as parts_of
     from bayesgrasp.ratio.train import TrainConfig
 
@@ -80,9 +77,6 @@ def train(
     parts = parts_of(preset, setup, estimators or None, LossConfig(criterion), schedule)
     training, held_out = sources(dataset, batch_size, seed)
     practised = with_practice((training, held_out), [GraspDataset(p) for p in practice], batch_size, seed)
-    if mirror:
-        check_mirror(setup.view)
-        practised = Mirrored(practised[0], seed), practised[1]
     extra = {"preset": preset, "familiarity": _familiarity(dataset)}
     with _observers(out, len(parts)) as observe:
         metrics = fit(
@@ -91,7 +85,7 @@ def train(
             held_out,
             out,
             _origin(dataset),
-            practised=practised,
+            practised=practised if practice else None,
             start=load_model(start).estimators if start is not None else None,
             device=_device(device),
             resume=resume,

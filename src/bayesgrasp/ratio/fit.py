@@ -114,7 +114,7 @@ def fit(
         held_out: Batches of held-out scenes.
         out: Directory of the model.
         origin: For the card.
-        practised: Training and held-out batches for p(S = 1 | i, h), with practice and mirrored scenes among them.
+        practised: Training and held-out batches with practice among them, for p(S = 1 | i, h).
         start: Trained estimators by role whose weights a part of the same role and shape starts from.
         device: Where to train.
         resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
