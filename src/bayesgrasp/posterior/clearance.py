@@ -3,7 +3,7 @@
 The open hand of a grasp type is a set of boxes and capsules fixed in the hand frame (forward kinematics of the
 gripper's description at its pre-shape). A point p of the measured surface is inside a box with half extents s if
 max(|p| - s) < 0, inside a capsule of radius r if its distance to the axis is below r. The closing region is the box
-between the fingers: ahead of the palm up to twice the closing depth, as wide as the fingers are apart.
+between the fingers: from the palm to the fingertips, as wide as the middles of the fingers are apart.
 """
 
 from __future__ import annotations
@@ -76,16 +76,18 @@ class OpenHand:
 
     def between_fingers(self, points: Points) -> np.ndarray:
         """Which points (hand frame, metres) are in the closing region."""
-        depth, (across, beside) = self.gripper.closing_depth, self._aperture
+        reach, across, beside = self._closing_region
         x, y, z = points.T
-        return (x > 0) & (x < 2 * depth) & (np.abs(y) < across) & (np.abs(z) < beside)
+        return (x > 0) & (x < reach) & (np.abs(y) < across) & (np.abs(z) < beside)
 
     @cached_property
-    def _aperture(self) -> tuple[float, float]:
-        """Half widths of the closing region: across the fingers, and beside them, metres."""
+    def _closing_region(self) -> tuple[float, float, float]:
+        """Reach of the fingertips ahead of the palm, and half widths across the fingers and beside them, metres."""
+        middles = np.stack([placed.shape_to_hand[:3, 3] for placed in self.shapes[GraspType.BASIC]])
         corners = np.concatenate([placed.corners() for placed in self.shapes[GraspType.BASIC]])
-        ahead = corners[corners[:, 0] > 0.5 * self.gripper.closing_depth]
-        return float(np.abs(ahead[:, 1]).max()), float(np.abs(ahead[:, 2]).max())
+        ahead = middles[:, 0] > 0.5 * self.gripper.closing_depth
+        across, beside = np.abs(middles[ahead, 1:]).max(0)
+        return float(corners[:, 0].max()), float(across), float(beside)
 
     def _place(self, grasp_type: GraspType) -> list[Placed]:
         angles = dict(zip(self.gripper.joint_names, self.gripper.open_angles(grasp_type), strict=True))

@@ -86,7 +86,7 @@ class SamplerConfig:
         chain: Steps of the chains.
     """
 
-    num_draws: int = 4096
+    num_draws: int = 8192
     chains: int = 500
     chain: ChainConfig = field(default_factory=ChainConfig)
 
