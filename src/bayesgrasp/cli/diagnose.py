@@ -74,7 +74,7 @@ def diagnose(
         directory = Path(scratch) / "fresh" if data is None else data
         if fresh is not None:
             _simulate(directory, fresh, seed, split, ycb_dir, workers)
-        dataset = GraspDataset(directory, cache=Path(scratch) / "cache")
+        dataset = GraspDataset(directory)
         result = _judge(models, dataset, "test" if fresh is None else "all", truths, proposals, seed)
     content = result.to_dict()
     if json is not None:

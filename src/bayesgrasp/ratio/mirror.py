@@ -5,8 +5,8 @@ goes to (M x, M R D) with M = diag(1, -1, 1): the mirrored hand is the same hand
 mirror image in its plane z = 0, D = diag(1, 1, -1). The type stays. Friction and gravity know no side, so S stays.
 
 Two things do have a side: the arm (it cannot reach 0.5 % of the hands, by weight) and the shadow of the sensor's
-projector. Mirrored scenes are therefore for learning from, never for judging. The mirrored object is not the mesh of the
-catalogue, so an estimator that is told the mesh must not see them.
+projector. Mirrored scenes are therefore for learning from, never for judging. The mirrored object is not the mesh of
+the catalogue, so an estimator that is told the mesh must not see them.
 """
 
 from dataclasses import replace
