@@ -55,8 +55,7 @@ def draw_grasps(
     axes: Axes, plan: Plan, depth: Float[np.ndarray, "h w"], camera: Camera, hand: OpenHand, title: str = ""
 ) -> None:
     """The depth image with the best grasp in it, and the palms and approach directions of the others."""
-    seen = depth[depth > 0]
-    low, high = np.percentile(seen, (1, 99)) if len(seen) else (0.0, 1.0)
+    low, high = _depth_range(plan, depth)
     image = axes.imshow(np.where(depth > 0, depth, np.nan), cmap="viridis_r", vmin=low, vmax=high)
     axes.figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.75)
     for grasp in plan.grasps[1:]:
@@ -65,6 +64,15 @@ def draw_grasps(
         _draw_hand(axes, plan.grasps[0], camera, hand)
     axes.set(xlim=(-0.5, depth.shape[1] - 0.5), ylim=(depth.shape[0] - 0.5, -0.5), xticks=[], yticks=[])
     axes.set_title(title or _headline(plan), fontsize=10, wrap=True)
+
+
+def _depth_range(plan: Plan, depth: Float[np.ndarray, "h w"]) -> tuple[float, float]:
+    """Depths of the workspace, so that its objects show; of the whole image where nothing of it is seen."""
+    to_camera = np.linalg.inv(plan.camera_to_world) @ plan.workspace_to_world
+    seen = plan.surface.near(0.2) @ to_camera[2, :3] + to_camera[2, 3]
+    seen = seen if len(seen) else depth[depth > 0]
+    low, high = np.percentile(seen, (0.5, 99.5)) if len(seen) else (0.0, 1.0)
+    return float(low) - 0.02, float(high)
 
 
 def _headline(plan: Plan) -> str:
@@ -85,7 +93,7 @@ def _draw_hand(axes: Axes, grasp: Grasp, camera: Camera, hand: OpenHand) -> None
         pixels, depths = camera.camera_to_pixels(corners)
         outlines.append((float(depths.mean()), _hull(pixels)))
     for _, outline in sorted(outlines, key=lambda item: -item[0]):
-        axes.add_patch(Polygon(outline, facecolor=(0.95, 0.95, 0.95, 0.45), edgecolor="tab:red", linewidth=1.2))
+        axes.add_patch(Polygon(outline, facecolor=(0.95, 0.95, 0.95, 0.25), edgecolor="tab:red", linewidth=1.2))
     _draw_arrow(axes, grasp, camera, hand, color="tab:red")
 
 
