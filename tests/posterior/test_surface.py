@@ -71,6 +71,14 @@ def test_table_and_object_are_found_without_a_pose(render, a_box, eye) -> None:
     assert abs(towards[1]) < 1e-6
 
 
+def test_what_reaches_over_the_border_is_not_the_object(render, a_box) -> None:
+    camera = CAMERA
+    boxes = (a_box(x=-0.02, y=0.04, size=(0.05, 0.05, 0.05)), a_box(x=0.42, y=0.0, size=(0.4, 0.15, 0.1)))
+    found = locate_workspace(render(camera, boxes), camera, generator(6))
+    origin = camera.pose @ np.linalg.inv(found) @ np.array([0.0, 0.0, 0.0, 1.0])
+    np.testing.assert_allclose(origin[:2], (-0.02, 0.04), atol=0.02)
+
+
 def test_an_image_without_a_plane_is_refused(render) -> None:
     camera = CAMERA.with_pose(None)
     clutter = generator(2).uniform(0.4, 1.5, (480, 640)).astype(np.float32)

@@ -112,7 +112,10 @@ def _grid(depth: np.ndarray, camera: Camera, stride: int) -> np.ndarray:
 
 
 def _central_piece(above: np.ndarray, min_pixels: int) -> np.ndarray:
-    """The piece that weighs most, a pixel counting less the farther it is from the middle of the image."""
+    """The piece that weighs most, a pixel counting less the farther it is from the middle of the image.
+
+    What reaches over the border of the image (another robot, a wall) is taken only if there is nothing else.
+    """
     labels, count = ndimage.label(above)
     if count == 0:
         return above
@@ -121,7 +124,11 @@ def _central_piece(above: np.ndarray, min_pixels: int) -> np.ndarray:
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     totals = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=count + 1)
     totals[(sizes < min_pixels) | (np.arange(count + 1) == 0)] = 0
-    return labels == totals.argmax() if totals.any() else np.zeros_like(above)
+    border = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
+    whole = totals.copy()
+    whole[border] = 0
+    best = whole if whole.any() else totals
+    return labels == best.argmax() if best.any() else np.zeros_like(above)
 
 
 def _frame(normal: np.ndarray, offset: float, anchor: Points) -> np.ndarray:
