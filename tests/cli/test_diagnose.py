@@ -1,0 +1,68 @@
+"""``bayesgrasp diagnose`` on a small set and an untrained model: every number is there; wrong options are refused."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesgrasp.cli.main import main
+from bayesgrasp.data.engine import Run, open_store
+from bayesgrasp.data.pool import InProcess
+from bayesgrasp.ratio.checkpoint import Origin, save_model
+from bayesgrasp.ratio.estimators import ImageConfig
+from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.layers import ConvConfig
+from bayesgrasp.ratio.train import initialised
+
+sys.path.append(str(Path(__file__).parents[1] / "data"))
+import fake_world
+
+
+def model(directory: Path, seed: int) -> Path:
+    config = ImageConfig(encoder=ConvConfig(channels=(4, 4, 4, 4), width=8), widths=(16,))
+    save_model(directory, {"success": initialised(lambda: build("global", config), seed).eval()}, Origin())
+    return directory
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("diagnose") / "data"
+    Run(open_store(directory, fake_world.manifest(), False), fake_world.recipe(), 3000).execute(InProcess())
+    return directory
+
+
+def test_every_number_is_reported_and_every_figure_drawn(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    models = [model(tmp_path / name, seed) for seed, name in enumerate(("one", "two"))]
+    words = ["--model", models[0], "--data", data, "--ensemble", models[1], "--truths", 20, "--proposals", 200]
+    main(["diagnose", *map(str, words), "--json", str(tmp_path / "report.json"), "--out", str(tmp_path / "figures")])
+    content = json.loads((tmp_path / "report.json").read_text())
+    coverage = content["expected_coverage"]
+    assert len(coverage["levels"]) == len(coverage["coverage"]) == 19
+    assert 0 <= coverage["max_error"] <= 1
+    assert content["sbc"].keys() == {"x", "y", "z", "approach_angle", "yaw", "type"}
+    assert content["tarp"]["count"] == coverage["count"] > 0
+    assert 0 <= content["reliability"]["ece"] <= 1
+    assert content["ensemble_spread"]["mean"] > 0
+    assert math.isfinite(content["effective_sample_size"])
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {"coverage.png", "sbc.png", "tarp.png", "reliability.png", "spread.png"}
+    assert "expected coverage: largest error" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "either --data DIR or --fresh N"),
+        (["--data", "x", "--fresh", "5"], "either --data DIR or --fresh N"),
+        (["--data", "x", "--model", "nothing"], "no model in nothing"),
+    ],
+)
+def test_wrong_options_are_one_clear_error(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["diagnose", *words])
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
