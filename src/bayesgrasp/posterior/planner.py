@@ -57,7 +57,7 @@ class Posterior:
     success_probability: Callable[[Tensor], Tensor]
 
 
-QUICK = AscentConfig(starts_per_type=4, steps=12, decrease_tolerance=1e-3, gradient_tolerance=1e-2)
+QUICK = AscentConfig(starts_per_type=4, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
 """More starts than Algorithm 2, and no more precision than a robot can use."""
 
 
