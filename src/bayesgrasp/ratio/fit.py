@@ -114,7 +114,7 @@ def fit(
         held_out: Batches of held-out scenes.
         out: Directory of the model.
         origin: For the card.
-        practised: Training and held-out batches with practice among them, for p(S = 1 | i, h).
+        practised: Training and held-out batches with practice among them, for the estimators of p(S = 1 | ., h).
         start: Trained estimators by role whose weights a part of the same role and shape starts from.
         device: Where to train.
         resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
@@ -132,7 +132,7 @@ def fit(
     estimators: dict[str, nn.Module] = {}
     metrics: dict[str, dict[str, Any]] = {}
     for part in parts:
-        use = practised if practised is not None and type(part.objective) is SuccessObjective else None
+        use = practised if practised is not None and isinstance(part.objective, SuccessObjective) else None
         estimators[part.role], metrics[part.role] = _fit_part(
             part, *(use or (training, held_out)), out, device, callback, (start or {}).get(part.role)
         )
