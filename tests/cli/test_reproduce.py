@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bayesgrasp.cli.reproduce import SCALES, Stages
+from bayesgrasp.cli.experiment import SCALES
+from bayesgrasp.cli.reproduce import Stages
 from bayesgrasp.errors import InvalidConfigurationError
 
 
