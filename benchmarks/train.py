@@ -13,6 +13,7 @@ The two variables keep glibc from returning memory to the system after every ste
 
 import importlib.util
 import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -169,6 +170,7 @@ def by_sbi(training: Pairs, held_out: Pairs, epochs: int) -> dict[str, float]:
     """The same encoder, head widths, batch size and epochs in sbi's NRE-A trainer, with its own defaults otherwise."""
     from sbi.inference import NRE_A
     from sbi.neural_nets import classifier_nn
+    from torch.utils.tensorboard import SummaryWriter
 
     features = HandFeatures(HandConfig()).requires_grad_(False)
     encoder = initialised(lambda: ConvEncoder(ImageConfig().encoder), 0)
@@ -177,7 +179,9 @@ def by_sbi(training: Pairs, held_out: Pairs, epochs: int) -> dict[str, float]:
         return torch.cat([features(hands)[..., :12], hands.grasp_type[..., None].float() - 1], -1)
 
     network = classifier_nn("mlp", z_score_x="none", hidden_features=256, embedding_net_x=encoder)
-    inference = NRE_A(classifier=network, show_progress_bars=False)
+    logs = tempfile.TemporaryDirectory()  # or sbi writes into the working directory
+    writer = SummaryWriter(logs.name)
+    inference = NRE_A(classifier=network, summary_writer=writer, show_progress_bars=False)
     started = time.process_time()
     # A tenth is held out by sbi itself, so it gets a tenth more: both learn from the same number of pairs.
     theta, x = (torch.cat([a, b[: len(a) // 9]]) for a, b in _both(vector, training, held_out))
@@ -186,6 +190,8 @@ def by_sbi(training: Pairs, held_out: Pairs, epochs: int) -> dict[str, float]:
         training_batch_size=training.batch_size, max_num_epochs=epochs, stop_after_epochs=epochs, learning_rate=1e-3
     )
     spent = time.process_time() - started
+    writer.close()
+    logs.cleanup()
     estimator.eval()
 
     def score(images: Tensor, hands: Hands) -> Tensor:
