@@ -1,5 +1,8 @@
 """The whole experiment: stages are done once and in order, and the small one climbs the ladder."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,3 +47,20 @@ def test_the_full_experiment_is_the_papers() -> None:
     assert full.scenes == 1000
     assert full.split == "train"
     assert {"train", "unseen"} <= set(full.judged)
+
+
+def test_the_small_experiment_climbs_the_ladder(tmp_path: Path) -> None:
+    """Prior < no image < image < full observation, in minutes; in a process of its own, as a user would run it."""
+    words = ["reproduce", "--out", str(tmp_path / "small"), "--scale", "small", "--workers", "2"]
+    command = [sys.executable, "-c", "from bayesgrasp.cli.main import main; main()", *words]
+    subprocess.run(command, check=True, capture_output=True)
+    summary = json.loads((tmp_path / "small" / "benchmark-stand-ins" / "summary.json").read_text())
+    ladder = ("prior_sample", "map_metric", "map_image", "map_full")
+    rates = [summary["strategies"][name]["success_rate"] for name in ladder]
+    assert rates == sorted(rates)
+    assert len(set(rates)) == len(rates), rates
+    page = (tmp_path / "small" / "report.html").read_text()
+    assert page.count('src="data:image/png;base64,') == 8
+    assert "There is no" not in page
+    again = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert again.count("done before") == 6
