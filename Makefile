@@ -16,7 +16,7 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 .PHONY: help demo test lint setup clean
 
 help:
-	@echo 'make demo    set up, then run lift tests on household objects and draw one: $(OUT)/demo.png'
+	@echo 'make demo    set up, then plan a grasp from a depth image and try it: $(OUT)/demo.png'
 	@echo 'make test    set up, then check style, types and behaviour'
 	@echo 'make lint    set up, then check style and types only'
 	@echo 'make setup   only set up the virtual environment $(VENV)'
@@ -24,7 +24,7 @@ help:
 
 demo: setup
 	@mkdir -p $(OUT)
-	$(BIN)/bayesgrasp simulate --attempts 2000 --split household --video $(OUT)/demo.png
+	$(BIN)/bayesgrasp demo --out $(OUT)/demo.png
 
 test: lint
 	$(ONE_THREAD) $(BIN)/pytest -q -n $(WORKERS) --dist worksteal
