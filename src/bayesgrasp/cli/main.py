@@ -55,9 +55,10 @@ COMMANDS: dict[str, Command] = {
         "benchmark:benchmark", "Measure the success rates of the paper's strategies and of two baselines."
     ),
     "data inspect": Command(
-        "data:inspect", "Report what a data set holds, and draw some of its images with their hands."
+        "data:inspect",
+        "Print the manifest, the outcomes, the success of each object and the disk use, and draw a sheet of images.",
     ),
-    "diagnose": Command("diagnose:diagnose", "Judge a trained posterior: coverage, SBC, TARP, reliability."),
+    "diagnose": Command("diagnose:diagnose", "Judge a trained posterior by simulated successes that it has not seen."),
     "reproduce": Command(
         "reproduce:reproduce", "Run the whole experiment: data, training, diagnostics, benchmark, report."
     ),

@@ -11,7 +11,8 @@ An attempt runs through stages, and the first that decides names its outcome:
 7. physics: NO_CONTACT, DROPPED, SUCCESS or DIVERGED.
 
 Screening changes the time that a decision takes, never the decision: without it physics runs instead and must come to
-the same outcome. A hand that can touch nothing is NO_CONTACT even if the arm would find no way there.
+the same outcome. Where the arm finds no way there is no physics to ask, and a hand that by stages 3 and 5 can touch
+nothing is NO_CONTACT.
 """
 
 from __future__ import annotations
@@ -205,16 +206,24 @@ class LiftTest:
         return far
 
     def _decide(self, attempts: Attempts, poses: _Poses, row: int, observer: Observer | None) -> Outcome:
-        grasp_type, pose = GraspType(attempts.grasp_type[row]), poses.hand_to_world[row]
+        grasp_type = GraspType(attempts.grasp_type[row])
         clearance = self._approach_clearance(attempts, poses, row)
         if clearance < 0.0:
             return Outcome.COLLISION
-        bench = self._bench(int(attempts.object_index[row]))
-        if self.screening and min(clearance, bench.hand.closing_clearance(pose, grasp_type)) >= CLEARANCE:
+        if self.screening and self._closes_freely(attempts, poses, row, clearance):
             return Outcome.NO_CONTACT
         motion = self._plan(attempts, poses, row)
-        outcome = bench.rig.execute(grasp_type, motion or self._forced_motion(pose), observer)
-        return outcome if motion is not None or outcome is Outcome.NO_CONTACT else Outcome.UNREACHABLE
+        if motion is None:
+            here = np.arange(len(attempts)) == row
+            empty = self._far_away(attempts, poses, here)[row] or self._closes_freely(attempts, poses, row, clearance)
+            return Outcome.NO_CONTACT if empty else Outcome.UNREACHABLE
+        return self._bench(int(attempts.object_index[row])).rig.execute(grasp_type, motion, observer)
+
+    def _closes_freely(self, attempts: Attempts, poses: _Poses, row: int, approach_clearance: float) -> bool:
+        """Whether the hand, placed by `_approach_clearance`, certainly touches nothing while it comes and closes."""
+        hand = self._bench(int(attempts.object_index[row])).hand
+        grasp_type, pose = GraspType(attempts.grasp_type[row]), poses.hand_to_world[row]
+        return min(approach_clearance, hand.closing_clearance(pose, grasp_type)) >= CLEARANCE
 
     def _approach_clearance(self, attempts: Attempts, poses: _Poses, row: int) -> float:
         hand = self._bench(int(attempts.object_index[row])).hand
@@ -226,11 +235,6 @@ class LiftTest:
         rig = self._bench(int(attempts.object_index[row])).rig
         rig.prepare(GraspType(attempts.grasp_type[row]), poses.object_to_world[row], _properties(attempts, row))
         return plan_motion(self.arm, poses.hand_to_world[row], self.config.motion, rig.collides)
-
-    def _forced_motion(self, hand_to_world: Float64[np.ndarray, "4 4"]) -> Motion:
-        """Ends of the lines only, whatever is in the way: to see whether the hand would touch anything at all."""
-        before, grasp, after = reachable_branches(self.arm, hand_to_world, self.config.motion)[0]
-        return Motion(before[None], np.stack([before, grasp]), np.stack([grasp, after]))
 
 
 def _properties(attempts: Attempts, row: int) -> tuple[float, float, float, float]:
