@@ -169,3 +169,9 @@ def test_a_planted_violation_is_caught(module: str, source: str) -> None:
 )
 def test_a_permitted_import_passes(module: str, source: str) -> None:
     assert violations(source, module) == []
+
+
+def test_test_files_have_names_of_their_own() -> None:
+    """Without packages among the tests, two files of one name cannot be collected in one process."""
+    names = [path.name for path in Path(__file__).parent.rglob("*.py")]
+    assert sorted({name for name in names if names.count(name) > 1} - {"conftest.py"}) == []

@@ -7,6 +7,7 @@ import tarfile
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -34,7 +35,9 @@ def archive(files: dict[str, bytes], links: dict[str, str] | None = None) -> byt
     return made.getvalue()
 
 
+@lru_cache
 def good_archive(size: float = 0.05) -> bytes:
+    """Made once for each size: a gzip file carries the second in which it was made."""
     ply = box(size, size, size).mesh.to_trimesh().export(file_type="ply")
     padding = hashlib.shake_128(b"texture").digest(300_000)
     return archive({f"{MUG}/google_16k/nontextured.ply": ply, f"{MUG}/google_16k/texture_map.png": padding})
