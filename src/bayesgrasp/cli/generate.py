@@ -81,9 +81,9 @@ def generate(
     world = SimulatedWorld(load_objects(split, ycb_dir, mesh, mass))
     scene = ScenePrior(len(world.objects))
     store = open_store(out, describe(world, config, seed, scene, attempts), resume)
-    with _progress(attempts) as observe:
+    with progress_bar(attempts) as observe:
         manifest = Run(store, Recipe(world, config, seed, scene), attempts, observe).execute(chosen, repair)
-    _summary(manifest, out)
+    print_summary(manifest, out)
 
 
 def _executor(name: str, workers: int, address: str | None) -> Executor:
@@ -102,7 +102,7 @@ def _executor(name: str, workers: int, address: str | None) -> Executor:
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[Progress], None]]:
+def progress_bar(total: int) -> Iterator[Callable[[Progress], None]]:
     """A progress bar: attempts, successes, rate, time left."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -120,7 +120,8 @@ def _progress(total: int) -> Iterator[Callable[[Progress], None]]:
         yield observe
 
 
-def _summary(manifest: Manifest, out: Path) -> None:
+def print_summary(manifest: Manifest, out: Path) -> None:
+    """Say what a finished data set holds."""
     totals = manifest.totals
     share = totals["outcomes"]["success"] / totals["attempts"]
     print(f"{totals['attempts']} attempts, {totals['outcomes']['success']} successes ({share:.2%}),", end=" ")

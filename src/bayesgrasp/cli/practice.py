@@ -42,7 +42,7 @@ def practice(
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
     """
     from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.cli.generate import _progress, _summary
+    from bayesgrasp.cli.generate import print_summary, progress_bar
     from bayesgrasp.data.engine import Run, open_store
     from bayesgrasp.data.generate import GenerateConfig, SimulatedWorld
     from bayesgrasp.data.pairing import PairingConfig
@@ -65,9 +65,9 @@ def practice(
     scene = ScenePrior(len(world.objects))
     recipe = PracticeRecipe(world, config, seed, scene, ModelProposer(model.resolve()))
     store = open_store(out, describe(world, config, seed, scene, scenes * tries), resume)
-    with _progress(scenes * tries) as observe:
+    with progress_bar(scenes * tries) as observe:
         manifest = Run(store, recipe, scenes * tries, observe).execute(LocalPool(workers))
-    _summary(manifest, out)
+    print_summary(manifest, out)
 
 
 @dataclass(frozen=True)
