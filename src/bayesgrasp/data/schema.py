@@ -23,7 +23,7 @@ from torch import Tensor
 
 from bayesgrasp.types import Attempts, Columns, Hands, Outcome, Scenes
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 IMAGE_SHAPE = (160, 256)
 """Height and width of a stored image."""
 DEPTH_UNIT = 1e-4
