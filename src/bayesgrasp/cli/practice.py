@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from bayesgrasp.data.practice import Proposer
     from bayesgrasp.types import Hands
 
+COPIES = 7
+"""Random stream of the stretched copies: ``generator(seed, COPIES)``."""
+
 
 def practice(
     model: Path,
@@ -24,6 +27,8 @@ def practice(
     resume: bool = False,
     split: str = "train",
     ycb_dir: Path | None = None,
+    copies: int = 0,
+    stretch: float = 1.3,
 ) -> None:
     """Try the hands that a model proposes for new images, and keep the outcomes as training data.
 
@@ -40,8 +45,11 @@ def practice(
         resume: Go on with the data set in --out, or start it where there is none.
         split: Objects; see `bayesgrasp generate`. Never the unseen ones if they are to stay unseen.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+        copies: Stretched copies of each object that are practised on beside it, for more shapes than there are scans.
+        stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
     """
     from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.assets.stretch import StretchConfig, with_copies
     from bayesgrasp.cli.generate import print_summary, progress_bar
     from bayesgrasp.data.engine import Run, open_store
     from bayesgrasp.data.generate import GenerateConfig, SimulatedWorld
@@ -51,6 +59,7 @@ def practice(
     from bayesgrasp.data.provenance import describe
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.prior.scene import ScenePrior
+    from bayesgrasp.seeding import generator
 
     if scenes < 1 or tries < 3:
         raise InvalidConfigurationError(f"practice needs at least 1 scene and 3 tries, got {scenes} and {tries}")
@@ -61,7 +70,8 @@ def practice(
         draws_per_chunk=32,
         pairing=PairingConfig(hands=tries),
     )
-    world = SimulatedWorld(load_objects(split, ycb_dir))
+    objects = with_copies(load_objects(split, ycb_dir), StretchConfig(copies, stretch), generator(seed, COPIES))
+    world = SimulatedWorld(objects)
     scene = ScenePrior(len(world.objects))
     recipe = PracticeRecipe(world, config, seed, scene, ModelProposer(model.resolve()))
     store = open_store(out, describe(world, config, seed, scene, scenes * tries), resume)
