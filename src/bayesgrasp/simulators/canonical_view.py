@@ -18,6 +18,8 @@ from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.simulators.surface_kernels import draw_surface
 
+Coordinates = tuple[Float64[np.ndarray, "h w"], Float64[np.ndarray, "h w"], Float64[np.ndarray, "h w"]]
+
 MAX_SLOPE = float(np.tan(np.deg2rad(80.0)))
 NOISE_ALLOWANCE = 0.005
 """Neighbouring pixels are one surface if their depths differ by no more than a slope of `MAX_SLOPE` explains, plus this
@@ -68,10 +70,8 @@ def to_canonical_view(
     target = canonical_camera() if target is None else target
     _check_image(depth, camera)
     bound = np.where(depth > 0, depth, _table_depth(camera))  # nothing is hidden beyond the table
-    pixels, seen_depth = target.project(_surface_points(bound, camera))
     front, back = np.zeros((target.height, target.width)), np.zeros((target.height, target.width))
-    with np.errstate(divide="ignore"):
-        _draw(bound, depth > 0, camera, pixels, 1 / seen_depth, front, back)
+    _draw(bound, depth > 0, camera, _seen_by(target, bound, camera), front, back)
     hidden = (back > 0) & (front * BEHIND < 1 - front / np.where(back > 0, back, 1.0))
     image = np.divide(1.0, front, out=np.zeros_like(front), where=(front > 0) & ~hidden)
     return (_with_table(image, camera, target) if complete_table else image).astype(np.float32)
@@ -96,10 +96,10 @@ def height_map(
     """
     config = MapConfig() if config is None else config
     _check_image(depth, camera)
-    points = _surface_points(depth, camera)
-    cells = (points[..., :2] / config.side + 0.5) * config.cells - 0.5
+    x, y, z = _transformed(depth, camera, camera.pose)
+    row, column = ((coordinate / config.side + 0.5) * config.cells - 0.5 for coordinate in (x, y))
     heights = np.full((config.cells, config.cells), LOWEST)
-    _draw(depth, depth > 0, camera, cells[..., ::-1], points[..., 2], heights, np.empty_like(heights))
+    _draw(depth, depth > 0, camera, (column, row, z), heights, np.empty_like(heights))
     seen = heights > LOWEST
     return np.stack([np.where(seen, heights, 0.0), seen]).astype(np.float32)
 
@@ -114,38 +114,52 @@ def _check_image(depth: Float[np.ndarray, "h w"], camera: Camera) -> None:
         raise DepthImageError("a depth image to re-project must hold finite depths >= 0, with 0 for no return")
 
 
-def _surface_points(depth: Float[np.ndarray, "h w"], camera: Camera) -> Float64[np.ndarray, "h w 3"]:
-    """World points of an image."""
-    return camera.rays() * depth[..., None].astype(np.float64) @ camera.pose[:3, :3].T + camera.pose[:3, 3]
+def _transformed(depth: Float[np.ndarray, "h w"], camera: Camera, pose: Float64[np.ndarray, "4 4"]) -> Coordinates:
+    """x, y and z of the points of an image, in the frame that `pose` leads to from the camera's.
+
+    A ray is linear in its pixel (u, v), so each coordinate is depth (a u + b v + c) + d: no point is ever formed.
+    """
+    to_rays = np.linalg.inv(camera.matrix)
+    a, b, c = (pose[:3, :3] @ to_rays).T
+    row, column = np.arange(camera.height, dtype=np.float64)[:, None], np.arange(camera.width, dtype=np.float64)
+    x, y, z = (depth * ((a[k] * column + c[k]) + b[k] * row) + pose[k, 3] for k in range(3))
+    return x, y, z
+
+
+def _seen_by(target: Camera, depth: Float[np.ndarray, "h w"], camera: Camera) -> Coordinates:
+    """Columns and rows (NaN behind it) of the points of an image in another camera, and their inverse depths, 1/m."""
+    x, y, z = _transformed(depth, camera, np.linalg.inv(target.pose) @ camera.pose)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(z > 0, 1 / z, np.nan)
+    return target.fx * x * inverse + target.cx, target.fy * y * inverse + target.cy, inverse
 
 
 def _table_depth(camera: Camera) -> Float64[np.ndarray, "h w"]:
     """The image of the bare table, metres; 0 above the horizon."""
-    down = -(camera.rays() @ camera.pose[2, :3])
-    return np.divide(camera.pose[2, 3], down, out=np.zeros_like(down), where=down > 1e-6)
+    (_, _, height), flat = camera.pose[:3, 3], np.ones((camera.height, camera.width))
+    down = height - _transformed(flat, camera, camera.pose)[2]
+    return np.divide(height, down, out=np.zeros_like(down), where=down > 1e-6)
 
 
 def _draw(
     depth: Float[np.ndarray, "h w"],
     returned: Bool[np.ndarray, "h w"],
     camera: Camera,
-    places: Float64[np.ndarray, "h w 2"],
-    key: Float64[np.ndarray, "h w"],
+    places: Coordinates,
     front: Float64[np.ndarray, "H W"],
     back: Float64[np.ndarray, "H W"],
 ) -> None:
+    """Draw an image's surface at the given columns, rows and keys."""
     slope = MAX_SLOPE / min(camera.fx, camera.fy)
-    u, v = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
-    draw_surface(depth.astype(np.float64), returned, u, v, key, slope, NOISE_ALLOWANCE, front, back)
+    draw_surface(depth.astype(np.float64), returned, *places, slope, NOISE_ALLOWANCE, front, back)
 
 
 def _with_table(image: Float64[np.ndarray, "H W"], camera: Camera, target: Camera) -> Float64[np.ndarray, "H W"]:
     table = _table_depth(target)
-    return np.where((image == 0) & ~_in_view(_surface_points(table, target), camera), table, image)
+    return np.where((image == 0) & ~_in_view(table, target, camera), table, image)
 
 
-def _in_view(points: Float64[np.ndarray, "H W 3"], camera: Camera) -> Bool[np.ndarray, "H W"]:
-    pixels, depth = camera.project(points)
-    with np.errstate(invalid="ignore"):
-        inside = (pixels > 1) & (pixels < np.array([camera.width, camera.height]) - 2)
-    return inside.all(axis=-1) & (depth > 0)
+def _in_view(depth: Float64[np.ndarray, "H W"], target: Camera, camera: Camera) -> Bool[np.ndarray, "H W"]:
+    """Which points of an image of `target` are inside the image of `camera`."""
+    u, v, _ = _seen_by(camera, depth, target)
+    return (u > 1) & (u < camera.width - 2) & (v > 1) & (v < camera.height - 2)

@@ -14,20 +14,21 @@ from numba import njit
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(u, v, key, buffer):
+def draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, buffer):
     """Draw one triangle: raise the buffer at the pixels inside to the key, which is linear over the triangle."""
-    area = (u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0])
-    if area == 0:
-        return
     height, width = buffer.shape
-    top, bottom = max(0, int(np.ceil(v.min()))), min(height - 1, int(np.floor(v.max())))
-    left, right = max(0, int(np.ceil(u.min()))), min(width - 1, int(np.floor(u.max())))
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            b = ((column - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (row - v[0])) / area
-            c = ((u[1] - u[0]) * (row - v[0]) - (column - u[0]) * (v[1] - v[0])) / area
+    top, bottom = max(0.0, np.ceil(min(v0, v1, v2))), min(height - 1.0, np.floor(max(v0, v1, v2)))
+    left, right = max(0.0, np.ceil(min(u0, u1, u2))), min(width - 1.0, np.floor(max(u0, u1, u2)))
+    area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+    if top > bottom or left > right or area == 0:
+        return
+    b_column, b_row, c_column, c_row = (v2 - v0) / area, (u0 - u2) / area, (v0 - v1) / area, (u1 - u0) / area
+    for row in range(int(top), int(bottom) + 1):
+        for column in range(int(left), int(right) + 1):
+            b = (column - u0) * b_column + (row - v0) * b_row
+            c = (column - u0) * c_column + (row - v0) * c_row
             if b >= -1e-9 and c >= -1e-9 and b + c <= 1 + 1e-9:
-                value = key[0] + b * (key[1] - key[0]) + c * (key[2] - key[0])
+                value = key0 + b * (key1 - key0) + c * (key2 - key0)
                 if value > buffer[row, column]:
                     buffer[row, column] = value
 
@@ -49,22 +50,28 @@ def draw_surface(depth, returned, u, v, key, slope, offset, front, back):
         front: Buffer of the surface, seen from the side that the image shows; starts at the smallest key of interest.
         back: Buffer of the surface seen from behind, and of the curtains from its edges to the background.
     """
-    corners = np.empty((4, 4))
     for row in range(depth.shape[0] - 1):
         for column in range(depth.shape[1] - 1):
-            for k in range(4):
-                r, c = row + k // 2, column + k % 2
-                corners[0, k], corners[1, k] = u[r, c], v[r, c]
-                corners[2, k], corners[3, k] = key[r, c], depth[r, c]
+            # Both triangles of a square of pixels share the corners 1 (to the right) and 2 (below).
+            z1, z2 = depth[row, column + 1], depth[row + 1, column]
+            if not (z1 > 0 and z2 > 0):
+                continue
+            u1, v1, key1 = u[row, column + 1], v[row, column + 1], key[row, column + 1]
+            u2, v2, key2 = u[row + 1, column], v[row + 1, column], key[row + 1, column]
+            measured = returned[row, column + 1] and returned[row + 1, column]
             for first in range(2):
-                x, y, top, z = corners[:, first : first + 3]
-                if z.min() <= 0 or np.isnan(x.sum()):
-                    continue
-                turn = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-                measured = (
-                    returned[row, column + 1] and returned[row + 1, column] and returned[row + first, column + first]
+                z0 = depth[row + first, column + first]
+                u0, v0, key0 = (
+                    u[row + first, column + first],
+                    v[row + first, column + first],
+                    key[row + first, column + first],
                 )
-                if z.max() - z.min() > slope * z.min() + offset or (turn > 0) != (first == 0):
-                    draw_triangle(x, y, top, back)
-                elif measured:
-                    draw_triangle(x, y, top, front)
+                if not z0 > 0 or np.isnan(u0 + u1 + u2):
+                    continue
+                # The second triangle is listed the other way round.
+                turn = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+                nearest = min(z0, z1, z2)
+                if max(z0, z1, z2) - nearest > slope * nearest + offset or (turn > 0) != (first == 0):
+                    draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, back)
+                elif measured and returned[row + first, column + first]:
+                    draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, front)
