@@ -145,6 +145,8 @@ def test_success_probability_of_both_kinds_of_model() -> None:
     values = torch.tensor([math.log(0.5), -math.inf, 5.0])
     alone = GraspModel({"success": untrained(GlobalSuccess, ImageConfig())}, {})
     torch.testing.assert_close(success_probability(alone)(values), torch.tensor([0.5, 0.0, 1.0]))
+    tempered = GraspModel(alone.estimators, {"power": {"success": 0.5}})
+    torch.testing.assert_close(success_probability(tempered)(values), torch.tensor([0.25, 0.0, 1.0]))
     parts = {"image": untrained(ImageRatio, ImageConfig()), "metric": untrained(MetricRatio, MetricConfig())}
     factorised = GraspModel(parts, {"success_rate": 0.01})
     torch.testing.assert_close(success_probability(factorised)(values), torch.tensor([0.005, 0.0, 1.0]))

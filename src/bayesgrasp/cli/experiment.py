@@ -125,6 +125,7 @@ class Experiment:
     def train(self) -> None:
         """The estimators, each with a schedule of its own."""
         from bayesgrasp.cli import train
+        from bayesgrasp.cli.loading import trained_prior
         from bayesgrasp.data.loader import GraspDataset
         from bayesgrasp.ratio.fit import fit, sources
 
@@ -141,6 +142,7 @@ class Experiment:
                 device=train._device(self.device),
                 resume=True,
                 callback=observe,
+                prior=trained_prior({"prior": train._prior(dataset)}),
                 extra={"preset": self.scale.preset, "familiarity": train._familiarity(dataset)},
             )
         train._summary(metrics, self.out / "model")

@@ -72,12 +72,14 @@ def trained_prior(card: Mapping[str, Any]) -> GraspPrior:
 def success_probability(model: GraspModel) -> Callable[[Tensor], Tensor]:
     """From values of the model's log-ratio to estimates of p(S=1 | i, h).
 
-    A success estimator's log-ratio is log p(S=1 | i, h) itself. For a factorised one p(S=1 | i, h) = r p(S=1 | i),
-    where p(S=1) of the training data stands for p(S=1 | i).
+    A success estimator's log-ratio is a log p(S=1 | i, h) with the model's power a. For a factorised one
+    p(S=1 | i, h) = r p(S=1 | i), where p(S=1) of the training data stands for p(S=1 | i).
     """
     import math
 
-    rate = 1.0 if "success" in model.estimators else float(model.card.get("success_rate") or math.nan)
+    if "success" in model.estimators:
+        return lambda log_ratio: (log_ratio / model.power).exp().clamp(max=1.0)
+    rate = float(model.card.get("success_rate") or math.nan)
     return lambda log_ratio: (log_ratio.exp() * rate).clamp(max=1.0)
 
 

@@ -62,6 +62,7 @@ def train(
     """
     import torch
 
+    from bayesgrasp.cli.loading import trained_prior
     from bayesgrasp.data.loader import GraspDataset
     from bayesgrasp.ratio.checkpoint import load_model
     from bayesgrasp.ratio.fit import fit, sources, with_practice
@@ -90,6 +91,7 @@ def train(
             device=_device(device),
             resume=resume,
             callback=observe,
+            prior=trained_prior({"prior": _prior(dataset)}),
             extra=extra,
         )
     _summary(metrics, out)

@@ -15,11 +15,14 @@ from torch import nn
 
 from bayesgrasp.data.loader import GraspDataset, SceneLoader
 from bayesgrasp.errors import CheckpointError, DataError
+from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.batch import Batch
 from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
 from bayesgrasp.ratio.checks import check
 from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.model import POWER
 from bayesgrasp.ratio.objectives import SuccessObjective
+from bayesgrasp.ratio.power import posterior_power
 from bayesgrasp.ratio.presets import Part
 from bayesgrasp.ratio.train import Progress, Source, train
 from bayesgrasp.seeding import generator
@@ -104,6 +107,7 @@ def fit(
     device: torch.device | str = "cpu",
     resume: bool = False,
     callback: Callable[[Part, Progress], None] | None = None,
+    prior: GraspPrior | None = None,
     extra: dict[str, Any] | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Train the parts and write the model.
@@ -119,6 +123,7 @@ def fit(
         device: Where to train.
         resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
         callback: Told after every step.
+        prior: p(h); with it, the power of p(S=1 | i, h) is fitted on the held-out scenes (`power.py`).
         extra: More entries of the card.
 
     Returns:
@@ -136,6 +141,9 @@ def fit(
         estimators[part.role], metrics[part.role] = _fit_part(
             part, *(use or (training, held_out)), out, device, callback, (start or {}).get(part.role)
         )
+    if prior is not None and "success" in estimators:
+        power = posterior_power(estimators["success"], held_out(0), prior)
+        extra = {**(extra or {}), POWER: {"success": power}}
     save_model(out, estimators, origin, metrics, extra)
     return metrics
 

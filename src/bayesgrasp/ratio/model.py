@@ -1,6 +1,6 @@
 """A trained model: the estimators of one preset, and the log-ratios they make for one image.
 
-    success     log p(S=1 | i, h)                           = log r(S=1, i | h) + a constant in h
+    success     a log p(S=1 | i, h)                         = log r(S=1, i | h) + a constant in h   (a: `power.py`)
     image       log r(i | S=1, h) + log r(S=1 | h)          = log r(S=1, i | h)    (paper, eq. 4)
     metric      log r(S=1 | h), no image
     full        log p(S=1 | O, p_O, beta, mu, h)            = log r(S=1, O, p_O, beta, mu | h) + a constant in h
@@ -24,18 +24,21 @@ from bayesgrasp.ratio.estimators import ObjectState
 from bayesgrasp.types import Hands
 
 ROLES = ("metric", "image", "joint", "success", "full")
+POWER = "power"
+"""Entry of a card: by role, the power of the ratio at which its posterior is calibrated (`power.py`)."""
 
 
 @dataclass(frozen=True)
 class SuccessGivenImage:
-    """log p(S=1 | i, h) for one image."""
+    """a log p(S=1 | i, h) for one image."""
 
     estimator: nn.Module
     context: Any
+    power: float = 1.0
 
     def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
-        """Log success probability, which is the log-ratio up to log p(S=1 | i)."""
-        return F.logsigmoid(self.logit(hands))
+        """Log success probability times the power, which is the log-ratio up to a constant in h."""
+        return self.power * F.logsigmoid(self.logit(hands))
 
     def logit(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Logit of the success probability."""
@@ -117,6 +120,11 @@ class GraspModel:
     estimators: Mapping[str, nn.Module]
     card: Mapping[str, Any]
 
+    @property
+    def power(self) -> float:
+        """The power of p(S=1 | i, h) in the posterior; 1 for a model that was never calibrated."""
+        return float(self.card.get(POWER, {}).get("success", 1.0))
+
     def given_image(self, image: Float[Tensor, "1 height width"]) -> SuccessGivenImage | FactorisedRatio:
         """Log r(S=1, i | h) as a function of h, up to a constant, by the best estimator that the model has.
 
@@ -127,7 +135,7 @@ class GraspModel:
             CheckpointError: The model has no estimator for it.
         """
         if "success" in self.estimators:
-            return SuccessGivenImage(self.estimators["success"], self._encode("success", image))
+            return SuccessGivenImage(self.estimators["success"], self._encode("success", image), self.power)
         image_ratio, metric = self._role("image"), self._role("metric")
         return FactorisedRatio(image_ratio, metric, self._encode("image", image))
 
