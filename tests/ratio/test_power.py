@@ -35,7 +35,10 @@ def test_truths_count_by_their_weight() -> None:
 
 
 def test_a_model_takes_the_power_of_its_card() -> None:
-    some = Hands(torch.rand(5, 3), torch.eye(3).expand(5, 3, 3), torch.zeros(5, dtype=torch.long))
-    estimator, image = GlobalSuccess(ImageConfig()).eval().requires_grad_(False), torch.full((1, 160, 256), 0.7)
+    some = Hands(
+        torch.rand(5, 3, generator=torch.Generator()), torch.eye(3).expand(5, 3, 3), torch.zeros(5, dtype=torch.long)
+    )
+    with torch.random.fork_rng():
+        estimator, image = GlobalSuccess(ImageConfig()).eval().requires_grad_(False), torch.full((1, 160, 256), 0.7)
     plain, tempered = (GraspModel({"success": estimator}, {"power": {"success": a}}) for a in (1.0, 0.5))
     torch.testing.assert_close(tempered.given_image(image)(some), 0.5 * plain.given_image(image)(some))
