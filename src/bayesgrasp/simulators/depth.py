@@ -1,9 +1,9 @@
-"""The sensor model p(i | O, p_O, camera) of section 4.1: depth images of one object on a table by a Kinect v1.
+"""The sensor model p(i | O, p_O, camera) of section 4.1: depth images of one object on a table, as by a Kinect v1.
 
 An image is made in three passes: rays to the object at full resolution (`mesh_tree`, `ray_kernels`), matching and
-shadow (`light_kernels`), and the noise of the device (`return_kernels`, `kinect`). `images` evaluates the last two only
-at the pixels that the networks' resized image consists of; it gives exactly what `preprocess(render(...))` gives with
-the same generator.
+shadow, and the noise of the device (`devices`: a Kinect, or a stereo pair). `images` evaluates the last two only at the
+pixels that the networks' resized image consists of; it gives exactly what `preprocess(render(...))` gives with the same
+generator.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from jaxtyping import Float32, Int64
 
 from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.simulators import light_kernels as light
 from bayesgrasp.simulators import ray_kernels as rays
-from bayesgrasp.simulators import return_kernels as returns
+from bayesgrasp.simulators.devices import Around, Frame, Pixels, SensorConfig, device_of
 from bayesgrasp.simulators.kinect import KinectConfig
 from bayesgrasp.simulators.mesh_tree import MeshTree
 from bayesgrasp.simulators.preprocess import FAR, IMAGE_SHAPE, NEAR, SENSOR_SHAPE, sampled_columns, sampled_rows
@@ -45,7 +44,8 @@ class DepthSensor:
     Args:
         objects: The ordered set that `Scenes.object_index` refers to.
         camera: Nominal camera with a pose; the canonical one unless given.
-        config: Constants of the sensor.
+        config: Constants of the sensor, which also say of what kind it is: `KinectConfig` (the default) or
+            `StereoConfig`.
 
     Raises:
         AssetError: An object's mesh cannot be seen.
@@ -53,12 +53,12 @@ class DepthSensor:
     """
 
     def __init__(
-        self, objects: Sequence[Visible], camera: Camera | None = None, config: KinectConfig | None = None
+        self, objects: Sequence[Visible], camera: Camera | None = None, config: SensorConfig | None = None
     ) -> None:
         self.camera = canonical_camera() if camera is None else camera
         self.config = KinectConfig() if config is None else config
         self._trees = tuple(MeshTree(o.vertices, o.faces) for o in objects)
-        self._constants = self.config.constants
+        self._device = device_of(self.config)
         self.camera.pose  # noqa: B018  refuses a camera without a pose here, not at the first image
 
     def render_clean(
@@ -130,25 +130,22 @@ class DepthSensor:
         image: Float32[np.ndarray, "r c"],
     ) -> None:
         """Write what the device returns at the given rows and columns, 0 outside the limits of depth."""
-        constants, shape = self._constants, (self.camera.height, self.camera.width)
+        device, shape = self._device, (self.camera.height, self.camera.width)
         rows, columns = pixels
-        axial = _lattice(rng, constants.noise_pitch, shape)
-        returns.sense_table(view, constants, axial, *limits, rows, columns, image)
-        spans, shaded = self._spans(tree, view, self.config.shadow)
-        margin = light.REACH + constants.half_window
-        near = self._near_object(view, shaded, margin)
+        frame = Frame(view, limits, device.noise(rng, shape))
+        device.sense_table(frame, Pixels(rows, columns, image), shape[1])
+        spans, shaded = self._spans(tree, view, device.shadow)
+        near = self._near_object(view, shaded, device.margin)
         box = rays.bounding_box(near, shape[1])
         if box == rays.NOWHERE:
             return
-        region = self._region(tree, view, spans, _widened(box, margin, shape))
-        local = _lattice(rng, constants.noise_pitch, region.plane.shape, layers=3)
+        region = self._region(tree, view, spans, _widened(box, device.margin, shape))
+        around = Around(tree.planes, region, near, shaded, device.local_noise(rng, region.plane.shape))
         of_rows, of_columns = _between(rows, *box[:2]), _between(columns, *box[2:])
-        rows, columns, part = rows[of_rows], columns[of_columns], image[of_rows, of_columns]
-        lit = shaded if self.config.shadow else np.zeros_like(shaded)
-        matches = light.match(view, tree.planes, region, local, constants, near, lit, rows, columns)
+        part = Pixels(rows[of_rows], columns[of_columns], image[of_rows, of_columns])
+        matches = device.match(frame, around, part)
         blocked = tree.occluded(matches.origins, matches.directions)
-        corner = (region.row, region.column)
-        returns.sense_matches(matches, blocked, constants, axial, local[2], corner, *limits, rows, columns, part)
+        device.sense_matches(frame, around, matches, blocked, part, shape[1])
 
     def _spans(
         self, tree: MeshTree, view: rays.View, shadow: bool
@@ -171,7 +168,7 @@ class DepthSensor:
         for u in (0, width - 1):
             for v in (0, height - 1):
                 ray = view.ray_matrix @ (u, v, 1.0)
-                if -ray[2] < np.cos(self.config.grazing_start) * np.linalg.norm(ray):
+                if -ray[2] < np.cos(self._device.steepest) * np.linalg.norm(ray):
                     return np.tile(np.array([0, width]), (height, 1))
         return rays.widened(shaded, margin, width)
 
@@ -180,14 +177,6 @@ class DepthSensor:
     ) -> rays.Region:
         origins, directions = rays.primary_rays(view, spans)
         return rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
-
-
-def _lattice(
-    rng: np.random.Generator, pitch: int, shape: tuple[int, ...], layers: int | None = None
-) -> Float32[np.ndarray, "*layers h w"]:
-    """Independent standard normal numbers, one every `pitch` pixels, enough to interpolate at every pixel."""
-    size = (shape[0] // pitch + 2, shape[1] // pitch + 2)
-    return rng.standard_normal(size if layers is None else (layers, *size), dtype=np.float32)
 
 
 def _widened(box: tuple[int, ...], margin: int, shape: tuple[int, int]) -> tuple[int, int, int, int]:
