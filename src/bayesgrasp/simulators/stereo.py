@@ -9,7 +9,7 @@ which block matching finds to a fraction of a pixel. The error of a depth theref
     sigma_z = z^2 sigma_d / (f |b|)
 
 (Keselman et al., "Intel RealSense stereoscopic depth cameras", CVPR workshops 2017; Grunnet-Jepsen, Sweetser, Woodfill,
-"Tuning depth cameras for best performance", Intel 2018, by whom sigma_d is below 0.1 px on a surface with good texture).
+"Tuning depth cameras for best performance", Intel 2018, by whom sigma_d is below 0.1 px on a well-textured surface).
 The cameras of that family return d in steps of 1/32 px; the baseline here is that of their narrow model.
 
 * Texture. The variance of a matched disparity is inversely proportional to the energy of the image's gradients within
