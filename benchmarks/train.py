@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -26,8 +27,8 @@ import torch.nn.functional as F  # noqa: N812
 import tyro
 from torch import Tensor, nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvEncoder, HandConfig, HandFeatures
@@ -56,7 +57,7 @@ def seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
     return median(times)
 
 
-def synthetic(scenes: int, hands: int) -> TensorBatch:
+def synthetic(scenes: int, hands: int) -> Batch:
     """A batch of noise: speed does not depend on what is learned."""
     rng = torch_generator(0)
     drawn = PRIOR.sample(scenes * hands, generator(0))
@@ -66,7 +67,7 @@ def synthetic(scenes: int, hands: int) -> TensorBatch:
     images = 0.6 + 0.3 * torch.rand(scenes, 1, 160, 256, generator=rng)
     rows = Hands(*(x.unflatten(0, (scenes, hands)) for x in fields))
     index = torch.zeros(scenes, dtype=torch.int64)
-    return TensorBatch(rows, success, ones, ones, images, index, ones[:, 0], torch.zeros(scenes, 3), ones)
+    return Batch(rows, success, ones, ones, images, index, ones[:, 0], torch.zeros(scenes, 3), ones)
 
 
 def training_rate(estimator: nn.Module, objective: Objective, bf16: bool) -> float:
@@ -118,19 +119,17 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.images) // self.batch_size
 
-    def __call__(self, epoch: int) -> Iterator[TensorBatch]:
+    def __call__(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         order = torch.randperm(len(self.images), generator=torch_generator(5, epoch))
         return (self.batch(order[i * self.batch_size : (i + 1) * self.batch_size]) for i in range(len(self)))
 
-    def batch(self, rows: Tensor) -> TensorBatch:
+    def batch(self, rows: Tensor) -> Batch:
         """One hand for each image."""
         ones = torch.ones(len(rows), 1)
         index = torch.zeros(len(rows), dtype=torch.int64)
         hands = self.hands[rows][:, None]
-        return TensorBatch(
-            hands, ones, ones, ones, self.images[rows], index, ones[:, 0], torch.zeros(len(rows), 3), ones
-        )
+        return Batch(hands, ones, ones, ones, self.images[rows], index, ones[:, 0], torch.zeros(len(rows), 3), ones)
 
 
 def simulated(count: int, seed: int, batch_size: int) -> Pairs:
@@ -217,7 +216,7 @@ def main(pairs: int = 4096, epochs: int = 5, batch_size: int = 64, json_file: Pa
     result: dict[str, Any] = {"threads": torch.get_num_threads()}
     for name, role in (("paper", "image"), ("paper", "success"), ("best", "success")):
         (part,) = preset(name, Setup(), (role,))  # type: ignore[arg-type]
-        estimator = initialised(lambda part=part: build(part.kind, part.config), 0)
+        estimator = initialised(partial(build, part.kind, part.config), 0)
         numbers = {
             f"images_per_s_{'bf16' if b else 'fp32'}": training_rate(estimator, part.objective, b)
             for b in (True, False)

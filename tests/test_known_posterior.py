@@ -13,10 +13,10 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.diagnostics.c2st import c2st
 from bayesgrasp.diagnostics.coverage import expected_coverage, hpd_mass
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import ImageConfig, MetricConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
@@ -37,18 +37,18 @@ IMAGES, PROPOSALS, TRUTHS = 200, 3000, 20
 class Simulated:
     """Fresh simulations at every step, addressed by epoch and step."""
 
-    make: Callable[[np.random.Generator], TensorBatch]
+    make: Callable[[np.random.Generator], Batch]
     steps: int
     seed: int
 
     def __len__(self) -> int:
         return self.steps
 
-    def __call__(self, epoch: int) -> Iterator[TensorBatch]:
+    def __call__(self, epoch: int) -> Iterator[Batch]:
         return (self.make(generator(self.seed, epoch, step)) for step in range(self.steps))
 
 
-def batch(hands: Hands, success: Tensor, weight: Tensor, images: Tensor) -> TensorBatch:
+def batch(hands: Hands, success: Tensor, weight: Tensor, images: Tensor) -> Batch:
     """Tuples with as many hands for each image as there are."""
     scenes = len(images)
     position, rotation, types, s, w = (
@@ -56,16 +56,16 @@ def batch(hands: Hands, success: Tensor, weight: Tensor, images: Tensor) -> Tens
     )
     ones, zeros = torch.ones(scenes), torch.zeros(scenes, 3)
     index = torch.zeros(scenes, dtype=torch.int64)
-    return TensorBatch(Hands(position, rotation, types), s, w, w, images, index, ones, zeros, torch.ones_like(w))
+    return Batch(Hands(position, rotation, types), s, w, w, images, index, ones, zeros, torch.ones_like(w))
 
 
-def successes(rng: np.random.Generator) -> TensorBatch:
+def successes(rng: np.random.Generator) -> Batch:
     """(i, h) from p(i, h | S=1)."""
     draws = PROBLEM.sample_successes(256, rng)
     return batch(draws.hands, torch.ones(256), torch.ones(256), draws.image)
 
 
-def attempts(rng: np.random.Generator) -> TensorBatch:
+def attempts(rng: np.random.Generator) -> Batch:
     """(S, h) from p(S, h): successes are drawn apart and weighted back, since they are rare."""
     many, few = 2048, 512
     prior, successful = PRIOR.sample(many, rng), PROBLEM.sample_successes(few, rng).hands

@@ -27,7 +27,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("train") / "data"
     manifest = fake_world.manifest()
     box = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
-    config = {**manifest.config, "generate": {"grasp": box}}
+    config = {**manifest.config, "generate": {"grasp": box}, "scene": {"num_objects": 3}}
     store = open_store(directory, replace(manifest, config=config, gripper="robotiq-3f"), False)
     Run(store, fake_world.recipe(), 3000).execute(InProcess())
     return directory

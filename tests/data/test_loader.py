@@ -12,7 +12,7 @@ from bayesgrasp.data.engine import Run, open_store
 from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.data.loader import GraspDataset, in_split
 from bayesgrasp.data.pool import InProcess
-from bayesgrasp.data.schema import AttemptBatch, Batch
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.data.store import Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 
@@ -85,7 +85,7 @@ def test_padding_is_a_hand_without_weight(dataset: GraspDataset) -> None:
 
 def test_attempts_of_an_epoch_are_all_there_once(dataset: GraspDataset) -> None:
     loader = dataset.attempts("train", batch_size=100)
-    batches: list[AttemptBatch] = list(loader(0))
+    batches: list[Batch] = list(loader(0))
     rows = torch.cat([b.hands.position for b in batches])
     assert len(rows) == 36 * 16
     assert len(torch.unique(rows, dim=0)) == len(rows)

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 import pytest
 import torch
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.geometry.so3 import quaternion_to_matrix
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.local import LocalConfig
@@ -23,7 +23,7 @@ def make_hands(shape: tuple[int, ...], rng: torch.Generator, dtype: torch.dtype 
     return Hands(position, quaternion_to_matrix(quaternion), torch.randint(3, shape, generator=rng))
 
 
-def make_batch(scenes: int, hands: int, seed: int) -> TensorBatch:
+def make_batch(scenes: int, hands: int, seed: int) -> Batch:
     """Success is likelier for high hands over bright images, so there is something to learn."""
     rng = torch.Generator().manual_seed(seed)
     drawn = make_hands((scenes, hands), rng)
@@ -32,19 +32,19 @@ def make_batch(scenes: int, hands: int, seed: int) -> TensorBatch:
     success = (torch.rand(scenes, hands, generator=rng) < logit.sigmoid()).float()
     ones = torch.ones(scenes, hands)
     index = torch.randint(3, (scenes,), generator=rng)
-    return TensorBatch(drawn, success, ones, ones, images, index, torch.ones(scenes), torch.zeros(scenes, 3), ones)
+    return Batch(drawn, success, ones, ones, images, index, torch.ones(scenes), torch.zeros(scenes, 3), ones)
 
 
 class ListSource:
     """The same batches in every epoch."""
 
-    def __init__(self, batches: list[TensorBatch]) -> None:
+    def __init__(self, batches: list[Batch]) -> None:
         self.batches = batches
 
     def __len__(self) -> int:
         return len(self.batches)
 
-    def __call__(self, epoch: int) -> Iterator[TensorBatch]:
+    def __call__(self, epoch: int) -> Iterator[Batch]:
         return iter(self.batches)
 
 
@@ -54,7 +54,7 @@ def rng() -> torch.Generator:
 
 
 @pytest.fixture(scope="session")
-def batch() -> Callable[..., TensorBatch]:
+def batch() -> Callable[..., Batch]:
     return make_batch
 
 

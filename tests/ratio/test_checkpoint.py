@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.checkpoint import CARD, Origin, load_model, save_model
 from bayesgrasp.ratio.estimators import MetricConfig
 from bayesgrasp.ratio.kinds import build
@@ -36,7 +36,7 @@ def edit(directory: Path, **changes: object) -> None:
 
 
 def test_a_model_gives_the_same_values_after_a_round_trip(
-    directory: Path, local: LocalConfig, batch: Callable[..., TensorBatch], hands: Callable[..., Hands]
+    directory: Path, local: LocalConfig, batch: Callable[..., Batch], hands: Callable[..., Hands]
 ) -> None:
     model = load_model(directory)
     original = GraspModel({"success": initialised(lambda: build("local", local), 0).eval()}, {})

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig, ObjectState, in_object_frame
 from bayesgrasp.ratio.evidence import View, canonical_view, sample
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
@@ -19,7 +19,7 @@ from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig
 from bayesgrasp.ratio.model import GraspModel, LogRatio
 from bayesgrasp.types import Hands
 
-MakeBatch = Callable[..., TensorBatch]
+MakeBatch = Callable[..., Batch]
 MakeHands = Callable[..., Hands]
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import torch
 
-from bayesgrasp.ratio.batch import TensorBatch
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, canonical_view, sample
 from bayesgrasp.ratio.mirror import mirrored, mirrored_at_random
 
-MakeBatch = Callable[..., TensorBatch]
+MakeBatch = Callable[..., Batch]
 ALL = torch.tensor([True, True])
 
 
@@ -40,7 +40,7 @@ def test_the_mirrored_hand_meets_the_same_depths_in_the_mirrored_image(batch: Ma
     scene = replace(two, images=smooth)
     points = HandPoints(PointsConfig(canonical_view()))
 
-    def evidence(some: TensorBatch) -> torch.Tensor:
+    def evidence(some: Batch) -> torch.Tensor:
         grid, depth = points(some.hands)
         return (depth - sample(some.images, grid)[:, 0]).sort(-1).values
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.losses import LossConfig
 from bayesgrasp.ratio.objectives import (
     FullObjective,
@@ -21,7 +21,7 @@ from bayesgrasp.ratio.objectives import (
 )
 from bayesgrasp.types import Hands
 
-MakeBatch = Callable[..., TensorBatch]
+MakeBatch = Callable[..., Batch]
 
 
 class Stub(nn.Module):
@@ -34,7 +34,7 @@ class Stub(nn.Module):
         return hands.position[..., 0] + 10 * context.expand(hands.shape)
 
 
-def labelled(batch: TensorBatch, success: list[list[float]], weight: list[list[float]]) -> TensorBatch:
+def labelled(batch: Batch, success: list[list[float]], weight: list[list[float]]) -> Batch:
     return replace(batch, success=torch.tensor(success).float(), weight=torch.tensor(weight))
 
 

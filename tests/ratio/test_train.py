@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError, DataError, InvalidConfigurationError
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import ImageConfig, MetricConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
@@ -109,7 +109,7 @@ class Worsening:
     def __init__(self) -> None:
         self.calls = 0
 
-    def __call__(self, estimator: nn.Module, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: nn.Module, batch: Batch, rng: torch.Generator) -> Tensor:
         self.calls += not estimator.training
         return next(iter(estimator.parameters())).square().sum() + self.calls
 

@@ -124,28 +124,27 @@ class Experiment:
 
     def train(self) -> None:
         """The estimators, each with a schedule of its own."""
-        from bayesgrasp.cli import train
+        from bayesgrasp.cli import training
         from bayesgrasp.cli.loading import trained_prior
+        from bayesgrasp.cli.training_view import observers, print_summary
         from bayesgrasp.data.loader import GraspDataset
-        from bayesgrasp.ratio.fit import fit, sources
+        from bayesgrasp.ratio.fit import fit
 
         dataset = GraspDataset(self.out / "data")
-        training, held_out = sources(dataset, self.scale.batch_size, self.seed)
-        parts = self._parts(train._setup(dataset))
-        with train._observers(self.out / "model", len(parts)) as observe:
+        parts = self._parts(training.setup_of(dataset))
+        with observers(self.out / "model", len(parts)) as observe:
             metrics = fit(
                 parts,
-                training,
-                held_out,
+                training.sources_by_part(dataset, (), self.scale.batch_size, self.seed),
                 self.out / "model",
-                train._origin(dataset),
-                device=train._device(self.device),
+                training.origin_of(dataset),
+                device=training.usable_device(self.device),
                 resume=True,
                 callback=observe,
-                prior=trained_prior({"prior": train._prior(dataset)}),
-                extra={"preset": self.scale.preset, "familiarity": train._familiarity(dataset)},
+                prior=trained_prior({"prior": training.prior_of(dataset)}),
+                extra={"preset": self.scale.preset, "familiarity": training.familiarity_of(dataset)},
             )
-        train._summary(metrics, self.out / "model")
+        print_summary(metrics, self.out / "model")
 
     def _parts(self, setup: Setup) -> tuple[Part, ...]:
         from bayesgrasp.ratio.presets import preset

@@ -2,20 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-if TYPE_CHECKING:
-    from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.ratio.checkpoint import Origin
-    from bayesgrasp.ratio.presets import Part, Setup
-    from bayesgrasp.ratio.train import Progress
-
-    Observer = Callable[[Part, Progress], None]
-
-FAMILIARITY_IMAGES = 1000
+from typing import Literal
 
 
 def train(
@@ -62,10 +50,12 @@ def train(
     """
     import torch
 
+    from bayesgrasp.cli import training
     from bayesgrasp.cli.loading import trained_prior
+    from bayesgrasp.cli.training_view import observers, print_summary
     from bayesgrasp.data.loader import GraspDataset
     from bayesgrasp.ratio.checkpoint import load_model
-    from bayesgrasp.ratio.fit import fit, sources, with_practice
+    from bayesgrasp.ratio.fit import fit
     from bayesgrasp.ratio.losses import LossConfig
     from bayesgrasp.ratio.presets import preset as parts_of
     from bayesgrasp.ratio.train import TrainConfig
@@ -74,186 +64,18 @@ def train(
         torch.set_num_threads(threads)
     dataset = GraspDataset(data)
     schedule = TrainConfig(epochs=epochs, learning_rate=learning_rate, patience=patience, bf16=bf16, seed=seed)
-    setup = _setup(dataset)
-    parts = parts_of(preset, setup, estimators or None, LossConfig(criterion), schedule)
-    training, held_out = sources(dataset, batch_size, seed)
-    practised = with_practice((training, held_out), [GraspDataset(p) for p in practice], batch_size, seed)
-    extra = {"preset": preset, "familiarity": _familiarity(dataset)}
-    with _observers(out, len(parts)) as observe:
+    parts = parts_of(preset, training.setup_of(dataset), estimators or None, LossConfig(criterion), schedule)
+    with observers(out, len(parts)) as observe:
         metrics = fit(
             parts,
-            training,
-            held_out,
+            training.sources_by_part(dataset, [GraspDataset(p) for p in practice], batch_size, seed),
             out,
-            _origin(dataset),
-            practised=practised if practice else None,
+            training.origin_of(dataset),
             start=load_model(start).estimators if start is not None else None,
-            device=_device(device),
+            device=training.usable_device(device),
             resume=resume,
             callback=observe,
-            prior=trained_prior({"prior": _prior(dataset)}),
-            extra=extra,
+            prior=trained_prior({"prior": training.prior_of(dataset)}),
+            extra={"preset": preset, "familiarity": training.familiarity_of(dataset)},
         )
-    _summary(metrics, out)
-
-
-def _setup(dataset: GraspDataset) -> Setup:
-    """What the estimators must fit, by the manifest of the data."""
-    from bayesgrasp.ratio.presets import Setup
-
-    prior = _prior(dataset)
-    low, high = (tuple(float(prior[axis][end]) for axis in ("x", "y", "z")) for end in (0, 1))
-    return Setup(low=low, high=high, objects=len(dataset.object_ids))  # type: ignore[arg-type]
-
-
-def _prior(dataset: GraspDataset) -> dict[str, Any]:
-    from bayesgrasp.errors import DataError
-
-    prior = dataset.manifest.config.get("generate", {}).get("grasp", {})
-    if not {"x", "y", "z"} <= prior.keys():
-        raise DataError("the manifest of the data set does not state the prior of the hands")
-    return dict(prior)
-
-
-def _origin(dataset: GraspDataset) -> Origin:
-    """Where the model comes from, for its card."""
-    import hashlib
-    import json
-
-    from bayesgrasp.data.provenance import source_commit
-    from bayesgrasp.ratio.checkpoint import Origin
-
-    content = json.dumps([dataset.manifest.identity, dataset.manifest.totals], sort_keys=True)
-    return Origin(
-        gripper=dataset.manifest.gripper,
-        prior=_prior(dataset),
-        data=hashlib.sha256(content.encode()).hexdigest()[:16],
-        commit=source_commit() or None,
-        success_rate=_success_rate(dataset),
-        objects=dataset.object_ids,
-    )
-
-
-def _success_rate(dataset: GraspDataset) -> float:
-    """p(S=1) under the prior: the weighted share of successful attempts."""
-    import numpy as np
-
-    from bayesgrasp.types import Outcome
-
-    columns = dataset.attempt_columns
-    weight = np.exp(columns["log_weight"].astype(np.float64) + columns["object_log_weight"])
-    return float((weight * (columns["outcome"] == Outcome.SUCCESS)).sum() / weight.sum())
-
-
-def _familiarity(dataset: GraspDataset) -> dict[str, Any] | None:
-    """Statistics of simulated images, by which the planner knows unfamiliar ones; None for a tiny data set."""
-    import numpy as np
-
-    from bayesgrasp.data.images import to_metres
-    from bayesgrasp.errors import InvalidConfigurationError
-    from bayesgrasp.geometry.camera import canonical_camera
-    from bayesgrasp.posterior.familiarity import fit_familiarity
-    from bayesgrasp.posterior.surface import SurfaceReader
-
-    rows = dataset.scenes("train").rows
-    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), FAMILIARITY_IMAGES)).astype(int)]
-    reader = SurfaceReader(canonical_camera().resized(256, 160))
-    images = (to_metres(dataset.scene_columns["image"][row]) for row in rows)
-    surfaces = [surface for image in images if (surface := reader.read(image)).item.any()]
-    try:
-        return fit_familiarity(surfaces).to_dict()
-    except InvalidConfigurationError:
-        return None
-
-
-def _device(name: str) -> str:
-    import torch
-
-    from bayesgrasp.errors import InvalidConfigurationError
-
-    try:
-        torch.empty(0, device=name)
-    except (RuntimeError, AssertionError) as error:
-        raise InvalidConfigurationError(f"the device {name!r} cannot be used: {error}") from error
-    return name
-
-
-@contextmanager
-def _observers(out: Path, parts: int) -> Iterator[Observer]:
-    """Everything that watches a run: the progress bar, and TensorBoard's log where it is installed."""
-    with ExitStack() as stack:
-        observers = [stack.enter_context(_bar(parts))]
-        if (log := _tensorboard(out / "logs")) is not None:
-            observers.append(stack.enter_context(log))
-
-        def observe(part: Part, progress: Progress) -> None:
-            for observer in observers:
-                observer(part, progress)
-
-        yield observe
-
-
-@contextmanager
-def _bar(parts: int) -> Iterator[Observer]:
-    """A bar per estimator: step, losses, time left."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
-    columns = (
-        TextColumn("{task.description:8}"),
-        BarColumn(20),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[loss]}"),
-    )
-    tasks: dict[str, Any] = {}
-    smooth: dict[str, float] = {}
-    held_out: dict[str, str] = {}
-    with Bar(*columns, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()) as bar:
-
-        def observe(part: Part, progress: Progress) -> None:
-            role = part.role
-            if role not in tasks:
-                tasks[role] = bar.add_task(role, total=progress.epochs * progress.steps, loss="")
-            smooth[role] = 0.98 * smooth.get(role, progress.loss) + 0.02 * progress.loss
-            if progress.validation is not None:
-                held_out[role] = f", held out {progress.validation:.4f} after epoch {progress.epoch + 1}"
-            done = progress.epoch * progress.steps + progress.step + 1
-            bar.update(tasks[role], completed=done, loss=f"loss {smooth[role]:.4f}{held_out.get(role, '')}")
-
-        yield observe
-
-
-def _tensorboard(directory: Path) -> Any:
-    """A context that gives an observer writing scalars; None where the package is absent."""
-    import importlib.util
-
-    if importlib.util.find_spec("tensorboard") is None:
-        return None
-    return _scalars(directory)
-
-
-@contextmanager
-def _scalars(directory: Path) -> Iterator[Observer]:
-    from torch.utils.tensorboard import SummaryWriter
-
-    writer = SummaryWriter(str(directory))
-
-    def observe(part: Part, progress: Progress) -> None:
-        count = progress.epoch * progress.steps + progress.step
-        writer.add_scalar(f"{part.role}/loss", progress.loss, count)
-        writer.add_scalar(f"{part.role}/learning_rate", progress.learning_rate, count)
-        if progress.validation is not None:
-            writer.add_scalar(f"{part.role}/held_out", progress.validation, count)
-
-    try:
-        yield observe
-    finally:
-        writer.close()
-
-
-def _summary(metrics: dict[str, dict[str, Any]], out: Path) -> None:
-    for role, values in metrics.items():
-        best = values["validation_loss"][values["best_epoch"]]
-        checks = ", ".join(f"{name} {value:.4g}" for name, value in values["checks"].items())
-        print(f"{role}: held-out loss {best:.4f} (epoch {values['best_epoch'] + 1}), {values['seconds']} s; {checks}")
-    print(f"model written to {out}")
+    print_summary(metrics, out)

@@ -17,13 +17,14 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.data.images import to_units
 from bayesgrasp.data.pairing import DrawPairing, PairingConfig
 from bayesgrasp.data.planar import PlanarRefresh, Reachable
 from bayesgrasp.data.proposal import AdaptiveConfig, Proposal, propose
+from bayesgrasp.data.reach import arm_reach
 from bayesgrasp.data.schema import IMAGE_SHAPE, AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
 from bayesgrasp.errors import InvalidConfigurationError
@@ -35,7 +36,6 @@ from bayesgrasp.seeding import generator
 from bayesgrasp.simulators.depth import DepthSensor
 from bayesgrasp.simulators.kinect import KinectConfig
 from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
-from bayesgrasp.simulators.planner import hand_pose, reachable_branches
 from bayesgrasp.types import Attempts, CameraNuisances, Scenes
 
 DATA, ATTEMPT, SCENE, SENSOR, PROPOSAL = 4, 0, 1, 2, 3
@@ -79,13 +79,7 @@ class SimulatedWorld:
         """Build them; a worker does this once."""
         test = LiftTest(self.objects, self.lift_test)
         sensor = DepthSensor(self.objects, config=self.sensor)
-
-        def reachable(attempts: Attempts) -> Bool[np.ndarray, "n"]:
-            hands = zip(attempts.position.astype(np.float64), attempts.quaternion.astype(np.float64), strict=True)
-            motion = self.lift_test.motion
-            return np.array([bool(reachable_branches(test.arm, hand_pose(x, q), motion)) for x, q in hands], dtype=bool)
-
-        return World(test.run, sensor.images, reachable)
+        return World(test.run, sensor.images, arm_reach(test.arm, self.lift_test.motion))
 
 
 @dataclass(frozen=True)

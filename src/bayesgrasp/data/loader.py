@@ -21,7 +21,7 @@ from jaxtyping import Float32, Int64, UInt8
 
 from bayesgrasp.data.cache import Columns, unpacked
 from bayesgrasp.data.images import to_metres
-from bayesgrasp.data.schema import AttemptBatch, Batch, success_of
+from bayesgrasp.data.schema import Batch, success_of
 from bayesgrasp.data.shards import HAND, hands_of, read_table, scenes_of
 from bayesgrasp.data.store import Manifest, Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
@@ -85,7 +85,7 @@ class GraspDataset:
     def attempts(
         self, split: Split = "train", batch_size: int = 4096, seed: int = 0, shuffle: bool = True
     ) -> AttemptLoader:
-        """Batches of attempts without images."""
+        """Batches of attempts as they were made, as scenes of one hand without an image."""
         return AttemptLoader(self.attempt_columns, split, batch_size, seed, shuffle)
 
     def _read_scenes(self, chunk: int) -> Columns:
@@ -151,17 +151,13 @@ class SceneLoader:
         """The scenes with these rows as torch tensors."""
         c = {name: column[rows] for name, column in self.columns.items()}
         return Batch(
-            images=torch.from_numpy(to_metres(c["image"])[:, None]),
             hands=hands(c["hand_position"], c["hand_quaternion"], c["hand_grasp_type"]),
             success=success_of(c["hand_outcome"]),
             weight=torch.from_numpy(c["hand_weight"]),
             selection_weight=torch.from_numpy(c["hand_selection_weight"]),
-            object_index=torch.from_numpy(c["object_index"].astype(np.int64)),
-            scale=torch.from_numpy(c["scale"]),
-            object_pose=torch.from_numpy(c["object_pose"]),
+            images=torch.from_numpy(to_metres(c["image"])[:, None]),
             friction=torch.from_numpy(c["hand_lateral_friction"]),
-            spinning_friction=torch.from_numpy(c["hand_spinning_friction"]),
-            mass_factor=torch.from_numpy(c["hand_mass_factor"]),
+            **_objects(c),
         )
 
 
@@ -180,7 +176,7 @@ class AttemptLoader:
     seed: int = 0
     shuffle: bool = True
 
-    def __call__(self, epoch: int) -> Iterator[AttemptBatch]:
+    def __call__(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         rng = generator(self.seed, SHUFFLE, epoch)
         total = len(self.columns["draw"])
@@ -196,20 +192,30 @@ class AttemptLoader:
             for start in range(0, len(rows), self.batch_size):
                 yield self.batch(rows[start : start + self.batch_size])
 
-    def batch(self, rows: Int64[np.ndarray, "b"]) -> AttemptBatch:
+    def batch(self, rows: Int64[np.ndarray, "b"]) -> Batch:
         """The attempts with these rows as torch tensors."""
-        c = {name: column[rows] for name, column in self.columns.items()}
-        return AttemptBatch(
-            hands=hands(c["position"], c["quaternion"], c["grasp_type"]),
-            success=success_of(c["outcome"]),
-            weight=torch.from_numpy(np.exp(c["log_weight"] + c["object_log_weight"])),
-            object_index=torch.from_numpy(c["object_index"].astype(np.int64)),
-            scale=torch.from_numpy(c["scale"]),
-            object_pose=torch.from_numpy(c["object_pose"]),
-            friction=torch.from_numpy(c["lateral_friction"]),
-            spinning_friction=torch.from_numpy(c["spinning_friction"]),
-            mass_factor=torch.from_numpy(c["mass_factor"]),
-        )
+        return attempt_batch({name: column[rows] for name, column in self.columns.items()})
+
+
+def attempt_batch(columns: Columns) -> Batch:
+    """Attempts as scenes of one hand, (B, 1), without an image; both weights are p / q of hand and object."""
+    position, quaternion, grasp_type = (columns[n][:, None] for n in ("position", "quaternion", "grasp_type"))
+    weight = torch.from_numpy(np.exp(columns["log_weight"] + columns["object_log_weight"])[:, None])
+    return Batch(
+        hands=hands(position, quaternion, grasp_type),
+        success=success_of(columns["outcome"][:, None]),
+        weight=weight,
+        selection_weight=weight,
+        images=torch.zeros(len(weight), 1, 0, 0),
+        friction=torch.from_numpy(columns["lateral_friction"][:, None]),
+        **_objects(columns),
+    )
+
+
+def _objects(columns: Columns) -> dict[str, torch.Tensor]:
+    """What is known of the object of each scene."""
+    known = {name: torch.from_numpy(columns[name]) for name in ("scale", "object_pose")}
+    return known | {"object_index": torch.from_numpy(columns["object_index"].astype(np.int64))}
 
 
 def hands(

@@ -14,7 +14,7 @@ Two weights go with a hand, for two uses (`data.scenes`):
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
@@ -113,53 +113,42 @@ class SceneRecords(Scenes):
 
 @dataclass(frozen=True)
 class Batch:
-    """B scenes with K hands each, for training; torch tensors.
+    """B scenes with K hands each, on one device: what every estimator is trained on.
+
+    One encoding of an image is shared by its K hands, since the convolutions cost a thousand times more than the head.
 
     Attributes:
-        images: Depth in metres, 0 = no return.
         hands: Hands in the world frame, batch shape (B, K).
         success: S, 0 or 1.
         weight, selection_weight: See the module.
+        images: Depth in metres, 0 = no return; attempts without an image have images of no pixels.
         object_index: Index into the object set of the data set.
         scale: beta.
         object_pose: (x, y, yaw) of the object in the world frame; metres, radians.
-        friction, spinning_friction, mass_factor: Nuisances of each attempt; see `Nuisances`.
+        friction: Lateral friction coefficient of each attempt.
     """
 
-    images: Float32[Tensor, "b 1 160 256"]
     hands: Hands
     success: Float32[Tensor, "b k"]
     weight: Float32[Tensor, "b k"]
     selection_weight: Float32[Tensor, "b k"]
+    images: Float32[Tensor, "b 1 height width"]
     object_index: Int[Tensor, "b"]
     scale: Float32[Tensor, "b"]
     object_pose: Float32[Tensor, "b 3"]
     friction: Float32[Tensor, "b k"]
-    spinning_friction: Float32[Tensor, "b k"]
-    mass_factor: Float32[Tensor, "b k"]
 
+    def __getitem__(self, index: Tensor | slice) -> Batch:
+        """Some of the scenes."""
+        return Batch(*(getattr(self, field.name)[index] for field in fields(self)))
 
-@dataclass(frozen=True)
-class AttemptBatch:
-    """B attempts without images, for r(S | h) and for estimators that know the object.
+    def reweighted(self, factor: Float32[Tensor, "b k"]) -> Batch:
+        """The same hands, both of their weights multiplied."""
+        return replace(self, weight=self.weight * factor, selection_weight=self.selection_weight * factor)
 
-    Attributes:
-        hands: Hands in the world frame, batch shape (B,).
-        success: S, 0 or 1.
-        weight: p / q of hand and object: weighted, the attempts follow p(h) p(O) p(p_O).
-        object_index, scale, object_pose: See `Batch`.
-        friction, spinning_friction, mass_factor: See `Batch`.
-    """
-
-    hands: Hands
-    success: Float32[Tensor, "b"]
-    weight: Float32[Tensor, "b"]
-    object_index: Int[Tensor, "b"]
-    scale: Float32[Tensor, "b"]
-    object_pose: Float32[Tensor, "b 3"]
-    friction: Float32[Tensor, "b"]
-    spinning_friction: Float32[Tensor, "b"]
-    mass_factor: Float32[Tensor, "b"]
+    def to(self, device: torch.device | str) -> Batch:
+        """The same scenes on another device."""
+        return Batch(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
 def success_of(outcome: UInt8[np.ndarray, "*shape"]) -> Float32[Tensor, "*shape"]:

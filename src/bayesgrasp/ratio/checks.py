@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from bayesgrasp.ratio.batch import Batch, TensorBatch, on_device
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.ratio.losses import imbalance, weighted_mean
 from bayesgrasp.ratio.objectives import (
     ImageObjective,
@@ -57,12 +57,12 @@ def check(estimator: nn.Module, objective: Objective, batches: Iterable[Batch], 
     means = _Means()
     with torch.no_grad():
         for index, batch in enumerate(batches):
-            tensors = on_device(batch, torch.device("cpu"))
+            tensors = batch.to("cpu")
             _check_batch(estimator, objective, tensors, means, torch_generator(seed, index))
     return means.result()
 
 
-def _check_batch(estimator: Any, objective: Objective, batch: TensorBatch, means: _Means, rng: torch.Generator) -> None:
+def _check_batch(estimator: Any, objective: Objective, batch: Batch, means: _Means, rng: torch.Generator) -> None:
     if isinstance(objective, SuccessObjective):
         probability = objective.logit(estimator, batch).sigmoid()
         means.add("mean_probability", probability, batch.selection_weight)

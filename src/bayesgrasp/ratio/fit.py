@@ -5,7 +5,7 @@ last.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +14,22 @@ import torch
 from torch import nn
 
 from bayesgrasp.data.loader import GraspDataset, SceneLoader
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError, DataError
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.batch import Batch
 from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
 from bayesgrasp.ratio.checks import check
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.model import POWER
-from bayesgrasp.ratio.objectives import SuccessObjective
 from bayesgrasp.ratio.power import posterior_power
 from bayesgrasp.ratio.presets import Part
 from bayesgrasp.ratio.train import Progress, Source, train
 from bayesgrasp.seeding import generator
 
 STATE = "state"
+
+Sources = tuple[Source, Source]
+"""Batches to learn from, and batches of held-out draws."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,21 @@ class Together:
         return (next(streams[turn]) for turn in generator(self.seed, epoch).permutation(turns))
 
 
-def sources(dataset: GraspDataset, batch_size: int, seed: int) -> tuple[Source, Source]:
+def sources(dataset: GraspDataset, batch_size: int, seed: int, objects: int | None = None) -> Sources:
     """Training and held-out batches; the split is by object draw.
+
+    Args:
+        dataset: Of scenes.
+        batch_size: Scenes in a batch.
+        seed: Of their order.
+        objects: Only scenes of so many meshes, the first ones of the data set; of all if None.
 
     Raises:
         DataError: One of them would be empty.
     """
     loaders = [dataset.scenes(split, batch_size, seed, split == "train") for split in ("train", "validation")]
+    if objects is not None:
+        loaders = [replace(a, rows=a.rows[a.columns["object_index"][a.rows] < objects]) for a in loaders]
     for loader, name in zip(loaders, ("training", "held-out"), strict=True):
         if len(loader.rows) < 2:
             raise DataError(
@@ -88,21 +98,40 @@ def sources(dataset: GraspDataset, batch_size: int, seed: int) -> tuple[Source, 
 
 
 def with_practice(
-    base: tuple[Source, Source], practice: Sequence[GraspDataset], batch_size: int, seed: int
-) -> tuple[Source, Source]:
-    """Training and held-out batches of a data set together with those of practice on it (`data.practice`)."""
-    more = [sources(dataset, batch_size, seed) for dataset in practice]
+    base: Sources,
+    practice: Sequence[GraspDataset],
+    batch_size: int,
+    seed: int,
+    known: tuple[str, ...] | None = None,
+) -> Sources:
+    """Training and held-out batches of a data set together with those of practice on it (`data.practice`).
+
+    Args:
+        base: Of the data set.
+        practice: Sets of practice.
+        batch_size: Scenes in a batch.
+        seed: Of their order.
+        known: Only practice on these meshes, for an estimator that is told the mesh; on all of them if None.
+
+    Raises:
+        DataError: A set of practice has other meshes in these places, so an index would mean two things.
+    """
+    for dataset in practice:
+        if known is not None and dataset.object_ids[: len(known)] != known:
+            raise DataError(
+                f"{dataset.store.directory} was practised on other objects than the data set's: an estimator that is "
+                "told the object cannot learn from it"
+            )
+    more = [sources(dataset, batch_size, seed, None if known is None else len(known)) for dataset in practice]
     return Together((base[0], *(m[0] for m in more)), seed), Together((base[1], *(m[1] for m in more)), seed)
 
 
 def fit(
     parts: Sequence[Part],
-    training: Source,
-    held_out: Source,
+    sources_of: Callable[[Part], Sources],
     out: Path,
     origin: Origin,
     *,
-    practised: tuple[Source, Source] | None = None,
     start: Mapping[str, nn.Module] | None = None,
     device: torch.device | str = "cpu",
     resume: bool = False,
@@ -114,11 +143,9 @@ def fit(
 
     Args:
         parts: Of a preset.
-        training: Batches to learn from.
-        held_out: Batches of held-out scenes.
+        sources_of: Batches to learn from and batches of held-out draws, for each part.
         out: Directory of the model.
         origin: For the card.
-        practised: Training and held-out batches with practice among them, for the estimators of p(S = 1 | ., h).
         start: Trained estimators by role whose weights a part of the same role and shape starts from.
         device: Where to train.
         resume: Go on with a run that was interrupted; without it, a directory with a run in it is refused.
@@ -137,13 +164,13 @@ def fit(
     estimators: dict[str, nn.Module] = {}
     metrics: dict[str, dict[str, Any]] = {}
     for part in parts:
-        use = practised if practised is not None and isinstance(part.objective, SuccessObjective) else None
+        training, held_out = sources_of(part)
         estimators[part.role], metrics[part.role] = _fit_part(
-            part, *(use or (training, held_out)), out, device, callback, (start or {}).get(part.role)
+            part, training, held_out, out, device, callback, (start or {}).get(part.role)
         )
-    if prior is not None and "success" in estimators:
-        power = posterior_power(estimators["success"], held_out(0), prior)
-        extra = {**(extra or {}), POWER: {"success": power}}
+        if prior is not None and part.role == "success":
+            power = posterior_power(estimators[part.role], held_out(0), prior)
+            extra = {**(extra or {}), POWER: {part.role: power}}
     save_model(out, estimators, origin, metrics, extra)
     return metrics
 

@@ -15,11 +15,11 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from bayesgrasp.ratio.batch import TensorBatch
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.types import Hands
 
 
-def mirrored(batch: TensorBatch, which: Bool[Tensor, "b"]) -> TensorBatch:
+def mirrored(batch: Batch, which: Bool[Tensor, "b"]) -> Batch:
     """The batch with some of its scenes mirrored in y = 0.
 
     Args:
@@ -40,7 +40,7 @@ def mirrored(batch: TensorBatch, which: Bool[Tensor, "b"]) -> TensorBatch:
     return replace(batch, hands=hands, images=images, object_pose=pose)
 
 
-def mirrored_at_random(batch: TensorBatch, share: float, rng: torch.Generator) -> TensorBatch:
+def mirrored_at_random(batch: Batch, share: float, rng: torch.Generator) -> Batch:
     """Mirror each scene with the probability `share`; `rng` is on the CPU."""
     if share == 0:
         return batch

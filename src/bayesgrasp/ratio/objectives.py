@@ -16,8 +16,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.ratio.batch import TensorBatch
 from bayesgrasp.ratio.estimators import ObjectState
 from bayesgrasp.ratio.losses import LossConfig, balanced_nre, nre_a, nre_c, success_loss
 from bayesgrasp.types import Hands
@@ -27,7 +27,7 @@ from bayesgrasp.types import Hands
 class Objective(Protocol):
     """The loss of an estimator on a batch."""
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """A scalar to minimise; `rng` is on the CPU."""
         ...
 
@@ -70,16 +70,16 @@ class SuccessObjective:
         if self.emphasis <= 0:
             raise InvalidConfigurationError(f"emphasis must be positive, got {self.emphasis}")
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of a `success` or `full` estimator."""
         return self.loss(self.logit(estimator, batch), batch)
 
-    def logit(self, estimator: Any, batch: TensorBatch) -> Tensor:
+    def logit(self, estimator: Any, batch: Batch) -> Tensor:
         """Logits of p(S=1 | i, h), (b, k)."""
         value: Tensor = estimator(estimator.encode(batch.images), batch.hands)
         return value
 
-    def loss(self, logit: Float[Tensor, "b k"], batch: TensorBatch) -> Float[Tensor, ""]:
+    def loss(self, logit: Float[Tensor, "b k"], batch: Batch) -> Float[Tensor, ""]:
         """Emphasised cross-entropy, given the logits of p(S = 1 | ., h)."""
         weight = batch.selection_weight * (1.0 + (self.emphasis - 1.0) * batch.success)
         return success_loss(logit.float() + math.log(self.emphasis), batch.success, weight)
@@ -89,7 +89,7 @@ class SuccessObjective:
 class FullObjective(SuccessObjective):
     """The same for the estimator that is told O, p_O, beta and mu."""
 
-    def logit(self, estimator: Any, batch: TensorBatch) -> Tensor:
+    def logit(self, estimator: Any, batch: Batch) -> Tensor:
         """Logits of p(S=1 | O, p_O, beta, mu, h), (b, k)."""
         state = ObjectState(batch.object_index, batch.scale, batch.object_pose, batch.friction)
         value: Tensor = estimator(state, batch.hands)
@@ -106,7 +106,7 @@ class MetricObjective:
 
     criterion: LossConfig = field(default_factory=LossConfig)
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of `MetricRatio`."""
         return metric_samples(estimator, batch).loss(self.criterion)
 
@@ -129,7 +129,7 @@ class ImageObjective:
         if self.hands < 1 or self.shifts < 1:
             raise InvalidConfigurationError(f"hands and shifts must be positive, got {self.hands} and {self.shifts}")
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of `ImageRatio`."""
         return image_samples(estimator, batch, self.hands, self.shifts, rng).loss(self.criterion)
 
@@ -146,7 +146,7 @@ class JointObjective:
     criterion: LossConfig = field(default_factory=LossConfig)
     shifts: int = 1
 
-    def __call__(self, estimator: Any, batch: TensorBatch, rng: torch.Generator) -> Tensor:
+    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of `JointRatio`."""
         context = estimator.encode(batch.images)
         joint = estimator(context, batch.hands, batch.success)
@@ -156,7 +156,7 @@ class JointObjective:
         return RatioSamples(joint, batch.weight, marginal, weight * others[1]).loss(self.criterion)
 
 
-def metric_samples(estimator: Any, batch: TensorBatch) -> RatioSamples:
+def metric_samples(estimator: Any, batch: Batch) -> RatioSamples:
     """Rows S = 0 and S = 1: d_phi on p(h | S) and on p(h), each class of S with total weight 1."""
     hands = Hands(*(x.flatten(0, 1) for x in (batch.hands.position, batch.hands.rotation, batch.hands.grasp_type)))
     success, weight = batch.success.flatten(), batch.weight.flatten()
@@ -170,7 +170,7 @@ def metric_samples(estimator: Any, batch: TensorBatch) -> RatioSamples:
     return RatioSamples(values, joint / total.clamp_min(tiny), values, marginal)
 
 
-def image_samples(estimator: Any, batch: TensorBatch, hands: int, shifts: int, rng: torch.Generator) -> RatioSamples:
+def image_samples(estimator: Any, batch: Batch, hands: int, shifts: int, rng: torch.Generator) -> RatioSamples:
     """d_theta on successful pairs (i, h), and on images with the successful hands of other scenes."""
     chosen, weight = successes(batch, hands)
     context = estimator.encode(batch.images)
@@ -180,7 +180,7 @@ def image_samples(estimator: Any, batch: TensorBatch, hands: int, shifts: int, r
     return RatioSamples(estimator(context, chosen), weight, estimator(context, others), scene * other_weight)
 
 
-def successes(batch: TensorBatch, count: int) -> tuple[Hands, Float[Tensor, "b n"]]:
+def successes(batch: Batch, count: int) -> tuple[Hands, Float[Tensor, "b n"]]:
     """The first successful hands of each scene and their weights; where there are fewer, failures of weight 0."""
     score = batch.success * (batch.weight > 0)
     order = score.sort(dim=-1, descending=True, stable=True).indices[:, :count]

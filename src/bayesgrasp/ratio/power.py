@@ -21,8 +21,8 @@ from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 from torch import nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.batch import Batch, on_device
 from bayesgrasp.seeding import generator
 
 LEAST, MOST = 0.1, 5.0
@@ -76,7 +76,7 @@ def _log_ratios(
     estimator: Any, batch: Batch, prior: GraspPrior, draws: int, stream: tuple[int, int]
 ) -> list[tuple[Any, ...]]:
     """For each scene with successes: their mean log-ratio, their total weight, log-ratios of draws from the prior."""
-    tensors = on_device(batch, torch.device("cpu"))
+    tensors = batch.to("cpu")
     counts = (tensors.success * tensors.weight).double().numpy()
     found: list[tuple[Any, ...]] = []
     with torch.no_grad():

@@ -97,6 +97,7 @@ def preset(
         raise InvalidConfigurationError(f"there is no preset {name!r}; choose from {', '.join(DEFAULT_ROLES)}")
     criterion, train = criterion or LossConfig(), train or TrainConfig()
     fast = replace(train, learning_rate=2 * train.learning_rate)
+    metric = replace(fast, mirror=0.5, weight_decay=0.1)
     image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)))
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
@@ -105,7 +106,7 @@ def preset(
         success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects)
     parts = {
-        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), fast),
+        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), metric),
         "image": Part("image", "image", image, ImageObjective(criterion), train),
         "joint": Part("joint", "joint", image, JointObjective(criterion), train),
         "success": success,

@@ -22,8 +22,8 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import nn
 
+from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
-from bayesgrasp.ratio.batch import Batch, TensorBatch, on_device
 from bayesgrasp.ratio.mirror import mirrored_at_random
 from bayesgrasp.ratio.objectives import Objective
 from bayesgrasp.ratio.state import TrainingState, load_state, save_state
@@ -150,7 +150,7 @@ class _Run:
     def autocast(self) -> AbstractContextManager[None]:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.config.bf16)
 
-    def step(self, batch: TensorBatch, count: int) -> tuple[float, float]:
+    def step(self, batch: Batch, count: int) -> tuple[float, float]:
         """One update; the loss and the learning rate."""
         rate = learning_rate(count, self.steps * self.config.epochs, self.config)
         for group in self.optimizer.param_groups:
@@ -172,7 +172,7 @@ class _Run:
         with torch.no_grad(), self.autocast():
             for batch in source(0):
                 rng = torch_generator(self.config.seed, VALIDATION_STREAM, count)
-                total += float(self.objective(self.averaged, on_device(batch, self.device), rng))
+                total += float(self.objective(self.averaged, batch.to(self.device), rng))
                 count += 1
         if count == 0:
             raise DataError("there are no held-out scenes: validation needs at least one batch")
@@ -265,7 +265,7 @@ def _epoch(
     run.estimator.train()
     for batch in itertools.islice(training(state.epoch), state.step, run.steps):
         count = state.epoch * run.steps + state.step
-        loss, rate = run.step(on_device(batch, run.device), count)
+        loss, rate = run.step(batch.to(run.device), count)
         state.step += 1
         state.loss_sum += loss
         last = state.step == run.steps

@@ -1,0 +1,157 @@
+"""What the commands that train share: which data each estimator learns from, and where the model says it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bayesgrasp.data.loader import GraspDataset
+    from bayesgrasp.data.planar import PlanarRefresh
+    from bayesgrasp.ratio.checkpoint import Origin
+    from bayesgrasp.ratio.fit import Sources
+    from bayesgrasp.ratio.presets import Part, Setup
+
+FAMILIARITY_IMAGES = 1000
+
+
+def sources_by_part(
+    dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
+) -> Callable[[Part], Sources]:
+    """What each estimator learns from, and what it is validated on.
+
+    r(S | h) learns from attempts; the estimators of p(S = 1 | ., h) from scenes and from practice, the one that is told
+    the mesh only from practice on meshes of the data set; the others from scenes.
+
+    Args:
+        dataset: Draws from the prior, or weighted to it.
+        practice: Data sets of `bayesgrasp practice`.
+        batch_size: Scenes in a batch.
+        seed: Of the orders and of the refreshed poses.
+    """
+    from bayesgrasp.data.attempts import refreshed_attempts
+    from bayesgrasp.ratio.fit import sources, with_practice
+    from bayesgrasp.ratio.objectives import FullObjective, MetricObjective, SuccessObjective
+
+    def choose(part: Part) -> Sources:
+        if isinstance(part.objective, MetricObjective):
+            return refreshed_attempts(dataset, planar_refresh(dataset), seed=seed)
+        base = sources(dataset, batch_size, seed)
+        if not practice or not isinstance(part.objective, SuccessObjective):
+            return base
+        known = dataset.object_ids if isinstance(part.objective, FullObjective) else None
+        return with_practice(base, practice, batch_size, seed, known)
+
+    return choose
+
+
+def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
+    """The planar symmetry of the priors and of the arm that a data set was made with."""
+    from bayesgrasp.assets.arm import ur5
+    from bayesgrasp.cli.loading import trained_prior
+    from bayesgrasp.data.planar import PlanarRefresh
+    from bayesgrasp.data.reach import arm_reach
+    from bayesgrasp.errors import DataError
+    from bayesgrasp.prior.scene import ScenePrior
+    from bayesgrasp.simulators.planner import MotionConfig
+
+    config = dataset.manifest.config
+    scene: dict[str, Any] = {
+        name: tuple(v) if isinstance(v, list) else v for name, v in config.get("scene", {}).items()
+    }
+    try:
+        motion = MotionConfig(**config.get("lift_test", {}).get("motion", {}))
+        return PlanarRefresh(trained_prior({"prior": prior_of(dataset)}), ScenePrior(**scene), arm_reach(ur5(), motion))
+    except TypeError as error:
+        raise DataError(f"the manifest of the data set does not state its scenes as they are now: {error}") from error
+
+
+def setup_of(dataset: GraspDataset) -> Setup:
+    """What the estimators must fit, by the manifest of the data."""
+    from bayesgrasp.ratio.presets import Setup
+
+    prior = prior_of(dataset)
+    low, high = (tuple(float(prior[axis][end]) for axis in ("x", "y", "z")) for end in (0, 1))
+    return Setup(low=low, high=high, objects=len(dataset.object_ids))  # type: ignore[arg-type]
+
+
+def prior_of(dataset: GraspDataset) -> dict[str, Any]:
+    """The prior of the hands, as the manifest states it.
+
+    Raises:
+        DataError: It does not.
+    """
+    from bayesgrasp.errors import DataError
+
+    prior = dataset.manifest.config.get("generate", {}).get("grasp", {})
+    if not {"x", "y", "z"} <= prior.keys():
+        raise DataError("the manifest of the data set does not state the prior of the hands")
+    return dict(prior)
+
+
+def origin_of(dataset: GraspDataset) -> Origin:
+    """Where the model comes from, for its card."""
+    import hashlib
+    import json
+
+    from bayesgrasp.data.provenance import source_commit
+    from bayesgrasp.ratio.checkpoint import Origin
+
+    content = json.dumps([dataset.manifest.identity, dataset.manifest.totals], sort_keys=True)
+    return Origin(
+        gripper=dataset.manifest.gripper,
+        prior=prior_of(dataset),
+        data=hashlib.sha256(content.encode()).hexdigest()[:16],
+        commit=source_commit() or None,
+        success_rate=_success_rate(dataset),
+        objects=dataset.object_ids,
+    )
+
+
+def _success_rate(dataset: GraspDataset) -> float:
+    """p(S=1) under the prior: the weighted share of successful attempts."""
+    import numpy as np
+
+    from bayesgrasp.types import Outcome
+
+    columns = dataset.attempt_columns
+    weight = np.exp(columns["log_weight"].astype(np.float64) + columns["object_log_weight"])
+    return float((weight * (columns["outcome"] == Outcome.SUCCESS)).sum() / weight.sum())
+
+
+def familiarity_of(dataset: GraspDataset) -> dict[str, Any] | None:
+    """Statistics of simulated images, by which the planner knows unfamiliar ones; None for a tiny data set."""
+    import numpy as np
+
+    from bayesgrasp.data.images import to_metres
+    from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.geometry.camera import canonical_camera
+    from bayesgrasp.posterior.familiarity import fit_familiarity
+    from bayesgrasp.posterior.surface import SurfaceReader
+
+    rows = dataset.scenes("train").rows
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), FAMILIARITY_IMAGES)).astype(int)]
+    reader = SurfaceReader(canonical_camera().resized(256, 160))
+    images = (to_metres(dataset.scene_columns["image"][row]) for row in rows)
+    surfaces = [surface for image in images if (surface := reader.read(image)).item.any()]
+    try:
+        return fit_familiarity(surfaces).to_dict()
+    except InvalidConfigurationError:
+        return None
+
+
+def usable_device(name: str) -> str:
+    """The name of a device, if torch can compute on it.
+
+    Raises:
+        InvalidConfigurationError: It cannot.
+    """
+    import torch
+
+    from bayesgrasp.errors import InvalidConfigurationError
+
+    try:
+        torch.empty(0, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise InvalidConfigurationError(f"the device {name!r} cannot be used: {error}") from error
+    return name

@@ -1,0 +1,98 @@
+"""Attempts for r(S | h): fresh poses, the chosen share of successes, and the law of the prior under the weights."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import fake_world
+import numpy as np
+import pytest
+import torch
+
+from bayesgrasp.data.attempts import AttemptsConfig, RefreshedAttempts, refreshed_attempts
+from bayesgrasp.data.engine import Run, open_store
+from bayesgrasp.data.generate import GenerateConfig
+from bayesgrasp.data.loader import GraspDataset
+from bayesgrasp.data.planar import PlanarRefresh
+from bayesgrasp.data.pool import InProcess
+from bayesgrasp.data.schema import Batch
+from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.prior.scene import ScenePrior
+
+SMALL = AttemptsConfig(batch_size=256, success_share=0.5, poses=3)
+DATA = GenerateConfig(proposal="prior", attempts_per_draw=100, scenes_per_draw=0, draws_per_chunk=60)
+REFRESH = PlanarRefresh(GraspPrior(), ScenePrior(fake_world.OBJECTS), fake_world.reachable)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
+    directory = tmp_path_factory.mktemp("set") / "data"
+    Run(open_store(directory, fake_world.manifest(), False), fake_world.recipe(DATA), 30_000).execute(InProcess())
+    return GraspDataset(directory)
+
+
+@pytest.fixture(scope="module")
+def attempts(dataset: GraspDataset) -> RefreshedAttempts:
+    return refreshed_attempts(dataset, REFRESH, SMALL)[0]
+
+
+def together(batches: list[Batch]) -> tuple[torch.Tensor, ...]:
+    fields = [(b.hands.position, b.success, b.weight) for b in batches]
+    return tuple(torch.cat(column)[:, 0] for column in zip(*fields, strict=True))
+
+
+def test_an_epoch_is_whole_batches_and_the_same_when_asked_again(attempts: RefreshedAttempts) -> None:
+    first, again, other = (list(attempts(epoch)) for epoch in (0, 0, 1))
+    assert len(first) == len(attempts)
+    assert all(b.success.shape == (256, 1) and b.success.sum() == 128 for b in first)
+    assert all(torch.equal(a.hands.position, b.hands.position) for a, b in zip(first, again, strict=True))
+    assert not torch.equal(first[0].hands.position, other[0].hands.position)
+
+
+def test_successes_stand_in_poses_of_their_own(attempts: RefreshedAttempts) -> None:
+    position, success, _ = together(list(attempts(0)))
+    found = position[success == 1]
+    assert len(found) >= SMALL.poses * len(attempts.rows[0])
+    assert len(torch.unique(found, dim=0)) == len(found)
+
+
+def test_weighted_attempts_follow_the_prior_and_the_simulator(attempts: RefreshedAttempts) -> None:
+    """Rate of success, and the place of hands given success and failure, as in the stored attempts."""
+    position, success, weight = together([b for epoch in range(4) for b in attempts(epoch)])
+    share = len(attempts.rows[0]) / sum(map(len, attempts.rows))
+    assert float((weight * success).sum() / weight.sum()) == pytest.approx(share, rel=1e-5)
+    for rows, outcome in zip(attempts.rows, (1, 0), strict=True):
+        stored = attempts.columns["position"][rows]
+        mine = position[success == outcome]
+        error = stored.std(0) / np.sqrt(len(stored))
+        np.testing.assert_array_less(np.abs(mine.mean(0).numpy() - stored.mean(0)), 4 * error)
+
+
+def test_moved_successes_stay_where_the_arm_reaches(attempts: RefreshedAttempts) -> None:
+    near = replace(REFRESH, reachable=lambda there: there.position[:, 0] < 0.03)
+    away = []
+    for refresh in (near, replace(REFRESH, reachable=None)):
+        position, success, _ = together(list(replace(attempts, refresh=refresh)(0)))
+        away.append(float((position[success == 1, 0] > 0.03).float().mean()))
+    assert away[0] < 0.02
+    assert away[1] > 0.2
+
+
+def test_held_out_attempts_are_of_other_draws(dataset: GraspDataset) -> None:
+    training, held_out = refreshed_attempts(dataset, REFRESH, SMALL)
+    draws = [set(dataset.attempt_columns["draw"][np.concatenate(part.rows)].tolist()) for part in (training, held_out)]
+    assert all(draws)
+    assert not draws[0] & draws[1]
+
+
+def test_attempts_without_success_are_refused(tmp_path: Path) -> None:
+    store = open_store(tmp_path / "data", fake_world.manifest(), False)
+    Run(store, fake_world.recipe(replace(DATA, attempts_per_draw=2, draws_per_chunk=5)), 10).execute(InProcess())
+    with pytest.raises(DataError, match="0 successes"):
+        len(refreshed_attempts(GraspDataset(tmp_path / "data"), REFRESH, SMALL)[0])
+
+
+@pytest.mark.parametrize("wrong", [{"batch_size": 1}, {"success_share": 1.0}, {"poses": 0}])
+def test_impossible_configurations_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(InvalidConfigurationError, match=next(iter(wrong))):
+        AttemptsConfig(**wrong)  # type: ignore[arg-type]
