@@ -99,6 +99,7 @@ class ObjectHandle:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
+        self.scale = 1.0
         self.body = model.body(OBJECT_BODY).id
         self.geoms = np.flatnonzero(model.geom_bodyid == self.body)
         joint = model.body_jntadr[self.body]
@@ -126,6 +127,7 @@ class ObjectHandle:
     def set(self, scale: float, mass_factor: float, lateral_friction: float, spinning_friction: float) -> None:
         """Give the object a scale (-), a mass relative to catalogue mass * scale^3 (-), and frictions (-, metres)."""
         m, base = self.model, self._base
+        self.scale = scale
         for name in self._LENGTHS:
             getattr(m, name)[self.geoms] = scale * base[name]
         m.mesh_vert[self._vertices] = scale * base["mesh_vert"]

@@ -24,7 +24,7 @@ def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: Sc
     settings = {
         "generate": asdict(config),
         "scene": asdict(scene),
-        "lift_test": asdict(world.lift_test),
+        "lift_test": world.lift_test.settings(),
         "sensor": asdict(world.sensor),
     }
     return Manifest(

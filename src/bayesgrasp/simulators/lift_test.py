@@ -18,7 +18,9 @@ nothing is NO_CONTACT.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float64, UInt8
@@ -30,7 +32,10 @@ from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.assets.robotiq_3f import robotiq_3f
 from bayesgrasp.assets.scene import PhysicsConfig, planar_pose
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.simulators.execution import LiftConfig, Observer, Rig
+from bayesgrasp.simulators.bullet_engine import BulletConfig, BulletEngine, connect
+from bayesgrasp.simulators.engine import MujocoEngine
+from bayesgrasp.simulators.execution import LiftConfig, Observer, Verdict, execute
+from bayesgrasp.simulators.hold import HoldConfig
 from bayesgrasp.simulators.planner import (
     Motion,
     MotionConfig,
@@ -38,17 +43,72 @@ from bayesgrasp.simulators.planner import (
     plan_motion,
     reachable_branches,
 )
+from bayesgrasp.simulators.rig import MakeEngine, Rig
 from bayesgrasp.simulators.screening import CLEARANCE, HandAlone, HandKinematics, JointPath, below_table, out_of_reach
 from bayesgrasp.types import Attempts, GraspType, Outcome
+
+EngineName = Literal["mujoco", "pybullet"]
+Criterion = Literal["lift", "hold"]
 
 
 @dataclass(frozen=True)
 class LiftTestConfig:
-    """All parameters of the lift test; stored with every data set made by it."""
+    """All parameters of the lift test; what outcomes depend on is stored with every data set made by it.
+
+    Attributes:
+        motion: Of arm and hand.
+        lift: Timing and criterion.
+        physics: Numerics of MuJoCo.
+        engine: Physics of attempts that screening cannot decide; PyBullet is an optional extra.
+        criterion: What SUCCESS means: that the object was lifted, or that it was also held against pushes.
+        hold: These pushes.
+        bullet: Numerics of PyBullet.
+
+    Raises:
+        InvalidConfigurationError: No such engine or criterion.
+    """
 
     motion: MotionConfig = field(default_factory=MotionConfig)
     lift: LiftConfig = field(default_factory=LiftConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    engine: EngineName = "mujoco"
+    criterion: Criterion = "lift"
+    hold: HoldConfig = field(default_factory=HoldConfig)
+    bullet: BulletConfig = field(default_factory=BulletConfig)
+
+    def __post_init__(self) -> None:
+        for name, value, valid in (
+            ("engine", self.engine, get_args(EngineName)),
+            ("criterion", self.criterion, get_args(Criterion)),
+        ):
+            if value not in valid:
+                raise InvalidConfigurationError(f"{name} must be one of {', '.join(valid)}, got {value!r}")
+
+    def settings(self) -> dict[str, Any]:
+        """What outcomes depend on, for the identity of a data set.
+
+        An engine or criterion other than the default is named with its settings; a data set that names none was made
+        by MuJoCo, with the lift as criterion.
+        """
+        settings = asdict(self)
+        if self.engine == "mujoco":
+            del settings["engine"], settings["bullet"]
+        if self.criterion == "lift":
+            del settings["criterion"], settings["hold"]
+        return settings
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Outcomes of attempts, and whether successes also held.
+
+    Attributes:
+        outcomes: As `LiftTest.run` gives them.
+        held: Whether the grasp lifted the object and held it against the pushes of `HoldConfig`; never without lift.
+    """
+
+    outcomes: UInt8[np.ndarray, "n"]
+    held: Bool[np.ndarray, "n"]
 
 
 @dataclass(frozen=True)
@@ -80,10 +140,11 @@ class _ObjectBench:
         arm: ArmDescription,
         gripper: GripperDescription,
         closing: dict[GraspType, JointPath],
-        config: LiftTestConfig,
+        physics: PhysicsConfig,
+        make_engine: MakeEngine,
     ) -> None:
         self.hand = HandAlone(gripper, asset, closing)
-        self.rig = Rig(arm, gripper, asset, config.lift, config.physics)
+        self.rig = Rig(arm, gripper, asset, physics, make_engine)
         points = np.concatenate([part.vertices for part in asset.parts])
         self.hull = np.ascontiguousarray(points[ConvexHull(points).vertices])
 
@@ -118,6 +179,7 @@ class LiftTest:
         self._open = {g: kinematics.open_points(g) for g in GraspType}
         self._reach = {g: kinematics.reach(g, drawback) for g in GraspType}
         self._closing = {g: kinematics.free_closing(g, self.config.lift.control_period) for g in GraspType}
+        self._make_engine = _engine_maker(self.config)
         self._benches: dict[int, _ObjectBench] = {}
 
     def run(self, attempts: Attempts) -> UInt8[np.ndarray, "n"]:
@@ -126,6 +188,17 @@ class LiftTest:
         Raises:
             InvalidConfigurationError: An attempt is not finite or names an object that is not there.
         """
+        return self._test(attempts, None).outcomes
+
+    def judge(self, attempts: Attempts) -> Verdicts:
+        """Outcomes as from `run`, and whether each grasp also held the object against pushes from six sides.
+
+        Raises:
+            InvalidConfigurationError: An attempt is not finite or names an object that is not there.
+        """
+        return self._test(attempts, self.config.hold)
+
+    def _test(self, attempts: Attempts, hold: HoldConfig | None) -> Verdicts:
         self._check(attempts)
         poses = _Poses.of(attempts)
         outcomes = np.full(len(attempts), Outcome.COLLISION, dtype=np.uint8)
@@ -137,9 +210,11 @@ class LiftTest:
             far = self._far_away(attempts, poses, todo)
             outcomes[far] = Outcome.NO_CONTACT
             todo &= ~far
+        held = np.zeros(len(attempts), dtype=bool)
         for row in np.flatnonzero(todo):
-            outcomes[row] = self._decide(attempts, poses, int(row), None)
-        return outcomes
+            verdict = self._decide(attempts, poses, int(row), hold)
+            outcomes[row], held[row] = verdict.outcome, verdict.held
+        return Verdicts(outcomes, held)
 
     def observe(self, attempts: Attempts, observer: Observer) -> Outcome:
         """The outcome of the first attempt, with every control period of its physics shown to an observer."""
@@ -148,7 +223,7 @@ class LiftTest:
             return Outcome.COLLISION
         if not self._reaches(poses.hand_to_world[0]):
             return Outcome.UNREACHABLE
-        return self._decide(attempts, poses, 0, observer)
+        return self._decide(attempts, poses, 0, None, observer).outcome
 
     def feasible(self, attempts: Attempts) -> Bool[np.ndarray, "n"]:
         """Whether the arm can bring the open hand to h: neither UNREACHABLE nor COLLISION."""
@@ -179,7 +254,9 @@ class LiftTest:
 
     def _bench(self, index: int) -> _ObjectBench:
         if index not in self._benches:
-            self._benches[index] = _ObjectBench(self.objects[index], self.arm, self.gripper, self._closing, self.config)
+            self._benches[index] = _ObjectBench(
+                self.objects[index], self.arm, self.gripper, self._closing, self.config.physics, self._make_engine
+            )
         return self._benches[index]
 
     def _reaches(self, hand_to_world: Float64[np.ndarray, "4 4"]) -> bool:
@@ -205,19 +282,31 @@ class LiftTest:
                     far[rows] = out_of_reach(_hull_in_hand(attempts[rows], poses, rows, hull), regions)
         return far
 
-    def _decide(self, attempts: Attempts, poses: _Poses, row: int, observer: Observer | None) -> Outcome:
-        grasp_type = GraspType(attempts.grasp_type[row])
+    def _decide(
+        self, attempts: Attempts, poses: _Poses, row: int, hold: HoldConfig | None, observer: Observer | None = None
+    ) -> Verdict:
         clearance = self._approach_clearance(attempts, poses, row)
         if clearance < 0.0:
-            return Outcome.COLLISION
+            return Verdict(Outcome.COLLISION)
         if self.screening and self._closes_freely(attempts, poses, row, clearance):
-            return Outcome.NO_CONTACT
+            return Verdict(Outcome.NO_CONTACT)
         motion = self._plan(attempts, poses, row)
         if motion is None:
             here = np.arange(len(attempts)) == row
             empty = self._far_away(attempts, poses, here)[row] or self._closes_freely(attempts, poses, row, clearance)
-            return Outcome.NO_CONTACT if empty else Outcome.UNREACHABLE
-        return self._bench(int(attempts.object_index[row])).rig.execute(grasp_type, motion, observer)
+            return Verdict(Outcome.NO_CONTACT if empty else Outcome.UNREACHABLE)
+        return self._execute(GraspType(attempts.grasp_type[row]), self._rig(attempts, row), motion, hold, observer)
+
+    def _execute(
+        self, grasp_type: GraspType, rig: Rig, motion: Motion, hold: HoldConfig | None, observer: Observer | None
+    ) -> Verdict:
+        """Physics; where the criterion asks for it, a grasp that does not hold is DROPPED."""
+        config = self.config
+        must_hold = config.criterion == "hold"
+        verdict = execute(rig, grasp_type, motion, config.lift, config.hold if must_hold else hold, observer)
+        if must_hold and verdict.outcome == Outcome.SUCCESS and not verdict.held:
+            return Verdict(Outcome.DROPPED)
+        return verdict
 
     def _closes_freely(self, attempts: Attempts, poses: _Poses, row: int, approach_clearance: float) -> bool:
         """Whether the hand, placed by `_approach_clearance`, certainly touches nothing while it comes and closes."""
@@ -231,10 +320,20 @@ class LiftTest:
         hand.place(GraspType(attempts.grasp_type[row]), poses.object_to_world[row])
         return hand.approach_clearance(poses.hand_to_world[row], self.config.motion.standoff)
 
+    def _rig(self, attempts: Attempts, row: int) -> Rig:
+        return self._bench(int(attempts.object_index[row])).rig
+
     def _plan(self, attempts: Attempts, poses: _Poses, row: int) -> Motion | None:
-        rig = self._bench(int(attempts.object_index[row])).rig
+        rig = self._rig(attempts, row)
         rig.prepare(GraspType(attempts.grasp_type[row]), poses.object_to_world[row], _properties(attempts, row))
         return plan_motion(self.arm, poses.hand_to_world[row], self.config.motion, rig.collides)
+
+
+def _engine_maker(config: LiftTestConfig) -> MakeEngine:
+    """MuJoCo, or PyBullet with one connection for all objects."""
+    if config.engine == "mujoco":
+        return MujocoEngine
+    return partial(BulletEngine, connect(), config.bullet)
 
 
 def _properties(attempts: Attempts, row: int) -> tuple[float, float, float, float]:
