@@ -28,6 +28,7 @@ from bayesgrasp.simulators.depth import DepthSensor
 from bayesgrasp.simulators.depth_files import read_depth
 from bayesgrasp.simulators.kinect import axial_sigma, lateral_sigma, shadow_width
 from bayesgrasp.simulators.preprocess import preprocess
+from bayesgrasp.simulators.stereo import StereoConfig, hole_width, stereo_sigma
 from bayesgrasp.types import Scenes
 
 DISTANCES = (0.45, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -158,6 +159,58 @@ def draw_scenes(target: Path) -> None:
     figure.savefig(target / "scenes.png", dpi=60)
 
 
+def draw_stereo(target: Path) -> dict[str, object]:
+    """The same scenes by the Kinect and by the stereo pair, and the stereo pair against its laws."""
+    names = ("household_coffee_mug", "household_hammer", "household_wine_glass", "household_tea_box")
+    solids = [household.OBJECTS[name].build().mesh for name in names]
+    shapes, config = [Shape(s.vertices, s.faces) for s in solids], StereoConfig()
+    sensors = {"Kinect": DepthSensor(shapes), "stereo": DepthSensor(shapes, config=config)}
+    figure = Figure(figsize=(3 * len(solids), 7), layout="constrained")
+    axes = figure.subplots(3, len(solids), squeeze=False)
+    for i in range(len(solids)):
+        views = {
+            kind: sensor.render(scenes(1, 0.0, 0.0, 0.9, i), None, generator(7, i))[0]
+            for kind, sensor in sensors.items()
+        }
+        for row, (kind, image) in enumerate(views.items()):
+            _show(axes[row, i], image[150:350, 210:430], kind)
+        _show(axes[2, i], preprocess(views["stereo"]), "stereo, network input")
+    figure.savefig(target / "stereo.png", dpi=60)
+    return {"stereo": {"spread_over_law": _stereo_spread(), **_stereo_block(config)}}
+
+
+def _stereo_spread() -> dict[str, float]:
+    """Measured over stated standard deviation of a wall that faces the camera, where texture is even."""
+    config, ratios = StereoConfig(texture_spread=0.0), {}
+    for index, distance in enumerate(DISTANCES):
+        camera = KINECT.with_pose(look_at(np.array([0.0, 0.0, distance]), np.zeros(3), up=np.array([0.0, 1.0, 0.0])))
+        sensor = DepthSensor([plate(0.1, 0.1, 0.0, 0.1)], camera, config)
+        seen = sensor.render(scenes(4, 50.0), None, generator(8, index))[:, 100:380, 100:500]
+        error = (seen - distance)[seen > 0]
+        ratios[str(distance)] = float(error.std() / stereo_sigma(config, np.array([distance]))[0])
+    return ratios
+
+
+def _stereo_block(config: StereoConfig) -> dict[str, object]:
+    """Holes and growth of a block 0.60 m away over a table at 0.75 m, and the share of blobs on that table."""
+    images = DepthSensor([plate(0.1, 0.1, 0.1, 0.15)], ABOVE, config).render(scenes(20), None, generator(9))
+    even = DepthSensor([plate(0.1, 0.1, 0.1, 0.15)], ABOVE, StereoConfig(texture_spread=0.0))
+    rows = even.render(scenes(20), None, generator(9))[:, 205:275, 200:440]
+    near, missing = (rows > 0) & (rows < 0.68), rows == 0
+    return {
+        "hole_px": {
+            "left": float(missing[:, :, :120].sum(-1).mean()),
+            "right": float(missing[:, :, 120:].sum(-1).mean()),
+            "law": float(hole_width(config, np.array([0.6]), np.array([0.75]))[0]),
+        },
+        "growth_px": {
+            "mean": float(near.sum(-1).mean() / 2 - 48.3),
+            "deviation": float(near[:, :, 120:].sum(-1).std()),
+        },
+        "blobs_on_table": float((images[:, :100, :560] == 0).mean()),
+    }
+
+
 def draw_real(directory: Path, target: Path) -> dict[str, object]:
     """Real images beside what the model makes of a block in their place, and the real images re-projected."""
     camera = Camera.load(directory / "camera.json")
@@ -236,6 +289,7 @@ def main() -> None:
     options.docs.mkdir(parents=True, exist_ok=True)
     report = draw_laws(options.docs) | draw_edges(options.docs)
     draw_scenes(options.docs)
+    report |= draw_stereo(options.docs)
     if options.real_depth is not None:
         report |= draw_real(options.real_depth, options.docs)
     print(json.dumps(report, indent=1))

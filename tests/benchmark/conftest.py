@@ -29,7 +29,10 @@ def untrained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def make_result(number: int, outcomes: dict[str, str], object_id: str = "mug") -> SceneResult:
     """A result whose outcomes by strategy were made up."""
-    trials = {name: Trial(outcome, 0.5, (0.1, 0.0, 0.2), (1.0, 0.0, 0.0, 0.0), 1) for name, outcome in outcomes.items()}
+    trials = {
+        name: Trial(outcome, 0.5, outcome == "success" and number % 2 == 0, (0.1, 0.0, 0.2), (1.0, 0.0, 0.0, 0.0), 1)
+        for name, outcome in outcomes.items()
+    }
     return SceneResult(number, object_id, 0, 1.0, (0.0, 0.01, 0.5), 0.8, 0.004, 1.0, trials)
 
 

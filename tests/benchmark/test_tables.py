@@ -13,7 +13,7 @@ from bayesgrasp.benchmark.journal import SceneResult
 from bayesgrasp.benchmark.report import Picture, Section, write_report
 from bayesgrasp.benchmark.strategies import LADDER, STRATEGIES
 from bayesgrasp.benchmark.tables import LABELS, PAPER, markdown, markdown_per_object, summarize
-from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.diagnostics.intervals import paired_difference, wilson
 from bayesgrasp.prior.grasp import GraspPrior
 
 Make = Callable[..., SceneResult]
@@ -55,8 +55,7 @@ def test_differences_are_paired(results: list[SceneResult]) -> None:
     assert (worth["first"], worth["second"]) == ("map_image", "map_metric")
     assert worth["difference"] == pytest.approx(0.6)
     gains = np.array([0, 1, 1, 0, 1])
-    half = 1.96 * gains.std(ddof=1) / np.sqrt(5)
-    assert worth["interval"] == pytest.approx([0.6 - half, 0.6 + half])
+    assert worth["interval"] == pytest.approx(paired_difference(gains > 0, gains < 0)[1])
     assert full["attempts"] == 4
 
 

@@ -40,6 +40,8 @@ def test_results_and_their_resumption(model: Path, tmp_path: Path, capsys: pytes
     assert list(summary["strategies"]) == list(NAMED[1:])
     for entry in summary["strategies"].values():
         assert {"success_rate", "interval", "attempts", "unreachable", "seconds_per_plan", "per_object"} <= set(entry)
+        assert 0 <= entry["hold_rate"] <= entry["success_rate"]
+        assert entry["hold_interval"][0] <= entry["hold_rate"] <= entry["hold_interval"][1]
         assert entry["attempts"] == 2
         assert entry["per_object"]["household_tea_box"]["attempts"] == 2
     assert summary["skipped"] == {}
@@ -56,6 +58,17 @@ def test_skipped_strategies_are_said(model: Path, capsys: pytest.CaptureFixture[
     printed = capsys.readouterr().out
     assert "map_full: skipped: the model never had household_ball" in printed
     assert "| `map_full` |" not in printed
+
+
+def test_a_shift_is_named_in_the_results_and_is_another_run(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--split", "household_tea_box", "--strategies", "top_down", "--attempts", "1", "--out", str(tmp_path))
+    run(model, *options, "--shift", "friction-low")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["shift"], summary["engine"]) == ("friction-low", "mujoco")
+    assert "shift differ" in fails(capsys, model, *options, "--resume")
+    assert "there is no shift 'moon'" in fails(capsys, model, *options, "--shift", "moon")
 
 
 def test_wrong_input_is_one_clear_error(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bayesgrasp.benchmark.shifts import NONE
 from bayesgrasp.benchmark.tables import LABELS, PAPER_ATTEMPTS
 from bayesgrasp.diagnostics.figures import BLUE, save
 from bayesgrasp.diagnostics.intervals import wilson
@@ -20,7 +21,7 @@ COLORS = ("0.6", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown
 
 
 def plot_ladder(summary: Mapping[str, Any], path: Path, split: str = "train") -> None:
-    """Success rate of every strategy with its 95 % interval, and the paper's where it has one."""
+    """Rates of success (with their 95 % interval) and of holding, and the paper's where it has one."""
     strategies = summary["strategies"]
     figure = Figure(figsize=(7.5, 0.6 + 0.42 * len(strategies)), layout="constrained")
     axes = figure.add_subplot(xlim=(0, 100), xlabel="success rate, %")
@@ -28,14 +29,13 @@ def plot_ladder(summary: Mapping[str, Any], path: Path, split: str = "train") ->
         _bar(axes, place, entry)
         published = (entry["paper"] or {}).get("unseen" if split == "unseen" else "train")
         if published is not None:
-            label = "paper" if not axes.get_legend_handles_labels()[1] else None
+            label = None if "paper" in axes.get_legend_handles_labels()[1] else "paper"
             _marker(axes, place, published, label)
     axes.set_yticks(range(len(strategies)), [f"{_label(name)}\n{name}" for name in strategies], fontsize=7)
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="lower right", fontsize=8)
     save(figure, path)
 
 
@@ -64,7 +64,9 @@ def plot_per_object(summary: Mapping[str, Any], path: Path) -> None:
 
 def _bar(axes: Axes, place: int, entry: Mapping[str, Any]) -> None:
     rate, (low, high) = entry["success_rate"], entry["interval"]
-    axes.barh(place, 100 * rate, color=BLUE, height=0.6, alpha=0.8)
+    label = "holds against pushes" if place == 0 else None
+    axes.barh(place, 100 * rate, color=BLUE, height=0.6, alpha=0.45)
+    axes.barh(place, 100 * entry["hold_rate"], color=BLUE, height=0.25, label=label)
     errors = 100 * np.array([[max(rate - low, 0.0)], [max(high - rate, 0.0)]])
     axes.errorbar(100 * rate, place, xerr=errors, color="0.15", capsize=2, linewidth=1)
     axes.text(min(100 * high + 1.5, 90.0), place - 0.18, f"{100 * rate:.1f}", fontsize=7, va="center")
@@ -112,3 +114,36 @@ def plot_prior(prior: Prior, path: Path, rng: np.random.Generator, draws: int = 
     for part in (positions, axes):
         part.tick_params(labelsize=7)
     save(figure, path)
+
+
+def plot_transfer(summary: Mapping[str, Any], path: Path) -> None:
+    """Points lost to every shift, with their 95 % intervals: success filled, holding open; a panel a strategy."""
+    strategies = summary["strategies"]
+    shifts = [name for name in next(iter(strategies.values())) if name != NONE.name]
+    columns = min(3, len(strategies))
+    rows = -(-len(strategies) // columns)
+    size = (3.2 * columns + 1.2, rows * (1.2 + 0.28 * len(shifts)))
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, (name, entries) in zip(panels.flat, strategies.items(), strict=False):
+        for kind, offset, fill in (("success_lost", -0.12, BLUE), ("hold_lost", 0.12, "white")):
+            _losses(axes, [entries[shift][kind] for shift in shifts], offset, fill, kind.replace("_", " "))
+        axes.axvline(0, color="0.5", linewidth=0.8)
+        axes.set_title(name, fontsize=9)
+        axes.grid(axis="x", color="0.9")
+    panels[0, 0].set_yticks(range(len(shifts)), shifts, fontsize=8)
+    panels[0, 0].invert_yaxis()
+    panels[0, 0].legend(fontsize=7)
+    for axes in panels[-1]:
+        axes.set_xlabel("points lost", fontsize=8)
+    for axes in panels.flat[len(strategies) :]:
+        axes.remove()
+    save(figure, path)
+
+
+def _losses(axes: Axes, losses: list[Mapping[str, Any]], offset: float, fill: str, label: str) -> None:
+    means = 100 * np.array([loss["difference"] for loss in losses])
+    bounds = 100 * np.array([loss["interval"] for loss in losses]).reshape(-1, 2)
+    places = np.arange(len(losses)) + offset
+    axes.hlines(places, bounds[:, 0], bounds[:, 1], color=BLUE, linewidth=1)
+    axes.plot(means, places, "o", color=BLUE, markerfacecolor=fill, markersize=4, label=label)

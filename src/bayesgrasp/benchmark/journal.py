@@ -1,7 +1,7 @@
 """Results scene by scene, and their file: one line of JSON a scene, so that an interrupted run goes on where it was.
 
-The first line says what the run is (seed, objects, model, strategies, search); only the same run is resumed. A line is
-written in one piece and synced; a last line that was torn by a crash is dropped and its scene is run again.
+The first line says what the run is (seed, objects, model, strategies, search, shift); only the same run is resumed. A
+line is written in one piece and synced; a last line that was torn by a crash is dropped and its scene is run again.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ class Trial:
     Attributes:
         outcome: `NO_PLAN`, or the `Outcome` of the lift test in lower case.
         seconds: Wall-clock time of the plan.
+        held: Whether the lifted object was also held against pushes; never without success.
         position, quaternion, grasp_type: The hand (metres; w, x, y, z); None where there was no plan.
     """
 
     outcome: str
     seconds: float
+    held: bool = False
     position: tuple[float, ...] | None = None
     quaternion: tuple[float, ...] | None = None
     grasp_type: int | None = None

@@ -3,6 +3,9 @@
 The search of scene i starts from the stream at path (i, 1) below the seed, whatever the strategy: all strategies of a
 scene meet the same object, frictions, image and draws from the prior, so their differences are differences of paired
 attempts. The lift test uses the scene's own nuisances, which no strategy but the full-observation ones (friction) sees.
+
+Under a shift (`shifts`) the scenes and their random numbers stay the same. Strategies whose view of the scene it does
+not change need not search again: given the results without the shift, their hands are executed as they are.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import torch
@@ -19,7 +22,17 @@ from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.benchmark.force_closure import ForceClosure
 from bayesgrasp.benchmark.journal import NO_PLAN, Journal, SceneResult, Trial
 from bayesgrasp.benchmark.scenes import SceneMaker, ScenePriors, Situation
-from bayesgrasp.benchmark.strategies import FULL, STRATEGIES, Choose, SearchConfig, missing, model_strategies, planned
+from bayesgrasp.benchmark.shifts import NONE, Shift
+from bayesgrasp.benchmark.strategies import (
+    FULL,
+    STRATEGIES,
+    Choose,
+    SearchConfig,
+    missing,
+    model_strategies,
+    planned,
+    replans,
+)
 from bayesgrasp.benchmark.top_down import top_down
 from bayesgrasp.data.pool import InProcess, LocalPool, MapTasks
 from bayesgrasp.data.provenance import object_hash
@@ -28,7 +41,7 @@ from bayesgrasp.posterior.planner import Planner
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import generator
 from bayesgrasp.simulators.lift_test import LiftTest
-from bayesgrasp.types import Outcome
+from bayesgrasp.types import Attempts, Outcome
 
 SEARCH = 1
 """Random stream of the strategies of scene i: ``generator(seed, i, SEARCH)``."""
@@ -53,6 +66,7 @@ class Benchmark:
         seed: Of all random numbers.
         search: Of the optimising strategies.
         priors: Of scenes and nuisances.
+        shift: How the world departs from them.
 
     Raises:
         InvalidConfigurationError: No objects, no strategies, or an unknown one.
@@ -64,6 +78,7 @@ class Benchmark:
     seed: int = 0
     search: SearchConfig = field(default_factory=SearchConfig)
     priors: ScenePriors = field(default_factory=ScenePriors)
+    shift: Shift = NONE
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.strategies if name not in STRATEGIES]
@@ -73,8 +88,8 @@ class Benchmark:
                 f"got {len(self.objects)} objects and the strategies {', '.join(self.strategies) or 'none'}"
             )
 
-    def __call__(self) -> Callable[[int], SceneResult]:
-        """The function from a scene's number to its result."""
+    def __call__(self) -> Callable[[Task], SceneResult]:
+        """The function from a scene to its result."""
         return _Worker(self).run
 
     def identity(self, card: Mapping[str, Any]) -> dict[str, Any]:
@@ -87,7 +102,21 @@ class Benchmark:
             "model": weights,
             "search": asdict(self.search),
             "priors": asdict(self.priors),
+            "shift": asdict(self.shift),
         }
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scene to be run.
+
+    Attributes:
+        number: i.
+        known: Its result without the shift, if there is one.
+    """
+
+    number: int
+    known: SceneResult | None = field(default=None, repr=False)
 
 
 def skipped(benchmark: Benchmark, card: Mapping[str, Any]) -> dict[str, str]:
@@ -109,6 +138,7 @@ def run(
     workers: int = 1,
     journal: Journal | None = None,
     progress: Callable[[SceneResult], None] | None = None,
+    known: Sequence[SceneResult] = (),
 ) -> tuple[SceneResult, ...]:
     """Run scenes 0 to ``attempts`` - 1, but for those that the journal has.
 
@@ -118,6 +148,7 @@ def run(
         workers: Processes; 1 stays in this one.
         journal: Keeps every finished scene.
         progress: Called with every finished scene, in any order; also with those of the journal.
+        known: Results of the same benchmark without its shift; hands that the shift cannot change are taken from them.
 
     Returns:
         Results by the number of the scene.
@@ -131,7 +162,8 @@ def run(
     results = {number: result for number, result in kept.items() if number < attempts}
     for result in results.values():
         _tell(progress, result)
-    todo = [number for number in range(attempts) if number not in results]
+    unshifted = {result.number: result for result in known}
+    todo = [Task(number, unshifted.get(number)) for number in range(attempts) if number not in results]
     if todo:
         with _started(benchmark, min(workers, len(todo))) as work:
             for result in work(todo):
@@ -148,8 +180,8 @@ class _Worker:
     def __init__(self, benchmark: Benchmark) -> None:
         contestants = benchmark.load()
         self.benchmark, card = benchmark, contestants.model.card
-        self.scenes = SceneMaker(benchmark.objects, benchmark.seed, benchmark.priors)
-        self.lift_test = LiftTest(benchmark.objects)
+        self.scenes = SceneMaker(benchmark.objects, benchmark.seed, benchmark.priors, benchmark.shift)
+        self.lift_test = LiftTest(benchmark.objects, benchmark.shift.lift_test_config)
         self.meshes = set(card.get("objects", ()))
         able = [name for name in benchmark.strategies if missing(name, tuple(contestants.model.estimators)) is None]
         every = self._strategies(contestants)
@@ -164,17 +196,19 @@ class _Worker:
         }
         return model_strategies(contestants.model, planner.prior, self.benchmark.search) | baselines
 
-    def run(self, number: int) -> SceneResult:
+    def run(self, task: Task) -> SceneResult:
         """The result of one scene."""
-        situation = self.scenes(number)
+        situation = self.scenes(task.number)
         trials = {
-            name: self._trial(choose, situation)
+            name: self._repeat(name, task.known, situation)
+            if task.known is not None and name in task.known.trials and not replans(name, self.benchmark.shift)
+            else self._trial(choose, situation)
             for name, choose in self.strategies.items()
             if name not in FULL or situation.asset.id in self.meshes
         }
         scene = {name: column[0].item() for name, column in situation.nuisances.columns().items()}
         scene |= {"object_index": int(situation.scene.object_index[0]), "scale": float(situation.scene.scale[0])}
-        return SceneResult(number, situation.asset.id, object_pose=situation.pose, trials=trials, **scene)
+        return SceneResult(task.number, situation.asset.id, object_pose=situation.pose, trials=trials, **scene)
 
     def _trial(self, choose: Choose, situation: Situation) -> Trial:
         rng = generator(self.benchmark.seed, situation.number, SEARCH)
@@ -183,10 +217,22 @@ class _Worker:
         seconds = time.perf_counter() - started
         if hands is None:
             return Trial(NO_PLAN, seconds)
-        attempts = situation.attempts(hands)
-        outcome = Outcome(int(self.lift_test.run(attempts)[0])).name.lower()
+        return self._judged(situation.attempts(hands), seconds)
+
+    def _repeat(self, name: str, known: SceneResult, situation: Situation) -> Trial:
+        """The known hand of a strategy in the scene as it is now."""
+        attempt = known.attempt(name)
+        if attempt is None:
+            return known.trials[name]
+        here = situation.scene.columns() | situation.nuisances.columns()
+        return self._judged(replace(attempt, **here), known.trials[name].seconds)
+
+    def _judged(self, attempts: Attempts, seconds: float) -> Trial:
+        verdicts = self.lift_test.judge(attempts)
+        outcome = Outcome(int(verdicts.outcomes[0])).name.lower()
         position, quaternion = (tuple(map(float, row[0])) for row in (attempts.position, attempts.quaternion))
-        return Trial(outcome, seconds, position, quaternion, int(attempts.grasp_type[0]))
+        held = bool(verdicts.held[0])
+        return Trial(outcome, seconds, held, position, quaternion, int(attempts.grasp_type[0]))
 
 
 @contextmanager
@@ -201,7 +247,7 @@ def _one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def _started(benchmark: Benchmark, workers: int) -> Iterator[MapTasks[int, SceneResult]]:
+def _started(benchmark: Benchmark, workers: int) -> Iterator[MapTasks[Task, SceneResult]]:
     with _one_thread(), (InProcess() if workers == 1 else LocalPool(workers)).start(benchmark) as work:
         yield work
 

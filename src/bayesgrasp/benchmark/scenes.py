@@ -2,7 +2,8 @@
 
 Scene i uses the random stream at path (i,) below the seed and nothing else. Objects take turns, so that each has the
 same number of scenes (to one): under the paper's uniform prior of meshes that is the same expectation as drawing them,
-with less variance. Scale, pose, frictions, mass, camera and sensor noise are drawn from their priors (section 4.1).
+with less variance. Scale, pose, frictions, mass, camera and sensor noise are drawn from their priors (section 4.1). A
+shift (`shifts`) is applied to what was drawn.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import torch
 from jaxtyping import Float32
 
 from bayesgrasp.assets.object_asset import ObjectAsset
+from bayesgrasp.benchmark.shifts import NONE, Shift
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
@@ -79,23 +81,28 @@ class SceneMaker:
         objects: The object set.
         seed: Of all random numbers.
         priors: The defaults of `prior`.
+        shift: How the world departs from them.
 
     Raises:
         InvalidConfigurationError: No object.
     """
 
-    def __init__(self, objects: Sequence[ObjectAsset], seed: int, priors: ScenePriors | None = None) -> None:
+    def __init__(
+        self, objects: Sequence[ObjectAsset], seed: int, priors: ScenePriors | None = None, shift: Shift = NONE
+    ) -> None:
         if not objects:
             raise InvalidConfigurationError("a benchmark needs at least one object")
         self.objects, self.seed, self.priors = tuple(objects), seed, priors or ScenePriors()
-        self.sensor = DepthSensor(self.objects)
+        self.shift = shift
+        self.sensor = DepthSensor(self.objects, config=shift.sensor_config)
 
     def __call__(self, number: int) -> Situation:
         """Scene i."""
         rng = generator(self.seed, number)
         index = number % len(self.objects)
         drawn = replace(self.priors.scene, num_objects=len(self.objects), weights=None).sample(1, rng)
-        scene = replace(drawn, object_index=np.array([index], dtype=np.int32))
-        nuisances, cameras = self.priors.nuisance.sample(1, rng), self.priors.camera.sample(1, rng)
+        scene = self.shift.scenes(replace(drawn, object_index=np.array([index], dtype=np.int32)))
+        nuisances = self.shift.nuisances(self.priors.nuisance.sample(1, rng), self.priors.nuisance)
+        cameras = self.priors.camera.sample(1, rng)
         depth = self.sensor.render(scene, cameras, rng)[0]
         return Situation(number, self.objects[index], scene, nuisances, depth, preprocess(depth))

@@ -24,6 +24,7 @@ import numpy as np
 import torch
 
 from bayesgrasp.benchmark.scenes import Situation
+from bayesgrasp.benchmark.shifts import Shift
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.posterior.ascent import AscentConfig, find_map
@@ -47,6 +48,9 @@ FULL = ("mle_full", "map_full")
 LADDER = (*PRIOR, *METRIC, *IMAGE, *FULL)
 BASELINES = ("top_down", "force_closure")
 STRATEGIES = (*LADDER, *BASELINES, "plan")
+SEES_IMAGE = (*IMAGE, "top_down", "plan")
+KNOWS_OBJECT = (*FULL, "force_closure")
+"""Mesh, pose, size and friction."""
 
 Choose = Callable[[Situation, np.random.Generator], Hands | None]
 """From a scene to one hand, of batch shape (1,); None where a strategy declines."""
@@ -81,6 +85,11 @@ def missing(name: str, roles: Sequence[str]) -> str | None:
     if name in FULL and "full" not in roles:
         return "the model has no full-observation estimator"
     return None
+
+
+def replans(name: str, shift: Shift) -> bool:
+    """Whether a shift changes what a strategy looks at, so that it chooses again."""
+    return (name in SEES_IMAGE and shift.changes_image) or (name in KNOWS_OBJECT and shift.changes_object)
 
 
 def model_strategies(model: GraspModel, prior: Prior, search: SearchConfig) -> dict[str, Choose]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json as json_module
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from bayesgrasp.benchmark.journal import SceneResult
@@ -27,6 +27,8 @@ def benchmark(
     strategies: tuple[str, ...] = (),
     starts: int = 1,
     steps: int = 20,
+    engine: Literal["mujoco", "pybullet"] | None = None,
+    shift: str = "none",
     workers: int = os.cpu_count() or 1,
     json: Path | None = None,
     out: Path | None = None,
@@ -35,9 +37,10 @@ def benchmark(
 ) -> None:
     """Measure the success rates of the paper's strategies and of two baselines.
 
-    All strategies meet the same scenes; nuisances are drawn anew for every scene; success is judged by the lift test.
-    Grasps that the arm cannot reach are failures and counted apart. With --out every finished scene is kept, and a run
-    that was interrupted goes on with --resume; a resumed run may have more attempts.
+    All strategies meet the same scenes; nuisances are drawn anew for every scene. Success is judged by the lift test,
+    and beside it whether the grasp also holds the lifted object against pushes. Grasps that the arm cannot reach are
+    failures and counted apart. With --out every finished scene is kept, and a run that was interrupted goes on with
+    --resume; a resumed run may have more attempts.
 
     Args:
         model: Directory of a trained model; by default the one that comes with the package.
@@ -50,6 +53,9 @@ def benchmark(
         strategies: Which ones; by default all of them.
         starts: Ascents for each grasp type; the paper's search has 1.
         steps: Of each ascent; the paper's search has 20.
+        engine: Physics of the lift test; by default that of the shift, which is MuJoCo for all but `pybullet`.
+        shift: A departure from the world that the model was trained in, unknown to the planner: none, pybullet,
+            mass-0.7, mass-1.3, friction-low, friction-high, stereo, scale-0.8 or scale-1.2.
         workers: Processes.
         json: Write the summary to this file.
         out: Directory for results: scenes.jsonl, summary.json, table.md, per_object.md and figures.
@@ -58,6 +64,7 @@ def benchmark(
     """
     from bayesgrasp.assets.catalogue import load_objects
     from bayesgrasp.benchmark.runner import Benchmark, skipped
+    from bayesgrasp.benchmark.shifts import find_shift
     from bayesgrasp.benchmark.strategies import STRATEGIES
     from bayesgrasp.benchmark.tables import markdown, summarize
     from bayesgrasp.cli.loading import DEFAULT_MODEL
@@ -71,13 +78,15 @@ def benchmark(
         LoadModel(directory),
         tuple(dict.fromkeys(strategies)) or STRATEGIES,
         seed,
-        _search(starts, steps),
+        search_config(starts, steps),
+        shift=find_shift(shift, engine),
     )
     reasons = skipped(chosen, card)
     for name, reason in reasons.items():
         print(f"{name}: skipped: {reason}")
     results = run_with_progress(chosen, card, attempts, workers, out, resume)
     origin = {"seed": seed, "split": split, "starts": starts, "steps": steps, "data": card.get("data")}
+    origin |= {"engine": chosen.shift.engine, "shift": shift}
     summary = {**origin, "commit": card.get("commit"), **summarize(results, reasons)}
     print(markdown(summary, split), end="")
     if json is not None:
@@ -107,15 +116,21 @@ class LoadModel:
 
 
 def run_with_progress(
-    chosen: Benchmark, card: dict[str, Any], attempts: int, workers: int, out: Path | None, resume: bool
+    chosen: Benchmark,
+    card: dict[str, Any],
+    attempts: int,
+    workers: int,
+    out: Path | None,
+    resume: bool,
+    known: Sequence[SceneResult] = (),
 ) -> tuple[SceneResult, ...]:
-    """Run a benchmark under a progress bar, with a journal in ``out``."""
+    """Run a benchmark under a progress bar, with a journal in ``out``; ``known`` as `runner.run` takes it."""
     from bayesgrasp.benchmark.journal import Journal
     from bayesgrasp.benchmark.runner import run
 
     journal = None if out is None else Journal(out, chosen.identity(card), resume)
-    with _progress(attempts) as advance:
-        return run(chosen, attempts, workers, journal, advance)
+    with _progress(attempts, chosen.shift.name) as advance:
+        return run(chosen, attempts, workers, journal, advance, known)
 
 
 def write_results(summary: dict[str, Any], out: Path, split: str) -> None:
@@ -131,7 +146,8 @@ def write_results(summary: dict[str, Any], out: Path, split: str) -> None:
     print(f"wrote {out}")
 
 
-def _search(starts: int, steps: int) -> SearchConfig:
+def search_config(starts: int, steps: int) -> SearchConfig:
+    """The search of all strategies; arguments as in `benchmark`."""
     from bayesgrasp.benchmark.strategies import SearchConfig
     from bayesgrasp.posterior.ascent import AscentConfig
 
@@ -165,12 +181,13 @@ def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: 
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[SceneResult], None]]:
+def _progress(total: int, shift: str) -> Iterator[Callable[[SceneResult], None]]:
     """A progress bar over scenes, with the successes of the MAP from one image so far."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[found]}"))
+    title = "scenes" if shift == "none" else f"scenes, {shift}"
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[found]}"))
     counts: dict[str, list[int]] = {}
     with Bar(*columns, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()) as bar:
         task = bar.add_task("", total=total, found="")

@@ -54,6 +54,9 @@ COMMANDS: dict[str, Command] = {
     "benchmark": Command(
         "benchmark:benchmark", "Measure the success rates of the paper's strategies and of two baselines."
     ),
+    "transfer": Command(
+        "transfer:transfer", "Measure what strategies lose to another engine, other objects, and another sensor."
+    ),
     "data inspect": Command(
         "data:inspect",
         "Print the manifest, the outcomes, the success of each object and the disk use, and draw a sheet of images.",
