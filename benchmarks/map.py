@@ -7,7 +7,7 @@ Pymanopt gets the box of the prior as an infinite objective outside. Objectives 
     python benchmarks/map.py [--problems 100] [--starts 1] [--json FILE]
 """
 
-import json
+import json as json_module
 import time
 import warnings
 from dataclasses import dataclass
@@ -83,14 +83,14 @@ def by_ascent(potential: Potential, starts: Hands, config: AscentConfig) -> Resu
     return Result(float(potential(ends.hands.to(dtype=torch.float64)).min()), seconds)
 
 
-def main(problems: int = 100, starts: int = 1, seed: int = 0, json_file: Path | None = None) -> None:
+def main(problems: int = 100, starts: int = 1, seed: int = 0, json: Path | None = None) -> None:
     """Compare both on the same problems.
 
     Args:
         problems: Number of images.
         starts: Starts per grasp type, for both.
         seed: Of images and starts.
-        json_file: Where to write the numbers.
+        json: Where to write the numbers.
     """
     torch.set_num_threads(1)
     warnings.filterwarnings("ignore", category=RuntimeWarning, module="pymanopt")
@@ -108,10 +108,10 @@ def main(problems: int = 100, starts: int = 1, seed: int = 0, json_file: Path | 
         start = starting_points(candidates, potential(candidates), starts)
         ours.append(by_ascent(potential, start, AscentConfig(starts_per_type=starts, steps=STEPS)))
         theirs.append(by_pymanopt(potential, start))
-    report(ours, theirs, json_file)
+    report(ours, theirs, json)
 
 
-def report(ours: list[Result], theirs: list[Result], json_file: Path | None) -> None:
+def report(ours: list[Result], theirs: list[Result], json: Path | None) -> None:
     """Print, and write, the comparison."""
     difference = np.array([mine.objective - other.objective for mine, other in zip(ours, theirs, strict=True)])
     seconds = [float(np.sum([result.seconds for result in results])) / len(results) for results in (ours, theirs)]
@@ -129,8 +129,8 @@ def report(ours: list[Result], theirs: list[Result], json_file: Path | None) -> 
     }
     for name, value in content.items():
         print(f"{name:20} {value:.4g}")
-    if json_file is not None:
-        json_file.write_text(json.dumps(content, indent=1) + "\n")
+    if json is not None:
+        json.write_text(json_module.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

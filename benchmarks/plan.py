@@ -4,15 +4,15 @@ Images are boxes and cans at random poses through the sensor model, seen by the 
 which costs a re-projection. Without `--model` the shipped model is timed, and where there is none, untrained weights of
 the default architecture, which cost the same. The first call is stated apart: it compiles loops and warms caches.
 
-    python benchmarks/plan.py [--images 20] [--model DIR] [--json-file FILE]
+    python benchmarks/plan.py [--images 20] [--model DIR] [--json FILE]
 """
 
-import json
+import json as json_module
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -30,7 +30,8 @@ from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 from bayesgrasp.seeding import generator
 from bayesgrasp.simulators.depth import DepthSensor
 
-STAGES = ("view", "scene", "encode", "search", "reach", "total")
+STAGES = ("view", "scene", "encode", "search", "reach")
+CAMERAS = ("canonical camera", "another camera")
 
 
 class Mesh(NamedTuple):
@@ -69,8 +70,11 @@ def cpu_and_wall(work: Callable[[], object]) -> tuple[float, float]:
     return 1e3 * (time.process_time() - cpu), 1e3 * (time.perf_counter() - wall)
 
 
-def time_camera(planner: Planner, camera: Camera, images: int, seed: int) -> dict[str, float]:
-    """Median over images of each stage's wall-clock time and of the CPU time of the whole, milliseconds."""
+def time_camera(planner: Planner, camera: Camera, images: int, seed: int) -> dict[str, Any]:
+    """Medians over images, milliseconds: wall-clock and process CPU time of a plan, and wall-clock time by stage.
+
+    `percent` is each stage's share of the total; what is left over is checks and bookkeeping.
+    """
     objects = meshes()
     scenes = ScenePrior(len(objects)).sample(images + 1, generator(seed, 0))
     depths = DepthSensor(objects, camera).render(scenes, None, generator(seed, 1))
@@ -81,8 +85,15 @@ def time_camera(planner: Planner, camera: Camera, images: int, seed: int) -> dic
         plans.append(planner.plan(depth, camera))
         cpu.append(1e3 * (time.process_time() - started))
     stages = {name: float(np.median([plan.timings_ms.get(name, np.nan) for plan in plans])) for name in STAGES}
-    grasps = float(np.mean([len(plan.grasps) for plan in plans]))
-    return {**stages, "total_cpu": float(np.median(cpu)), "first_call": first, "grasps_per_plan": grasps}
+    total = float(np.median([plan.timings_ms["total"] for plan in plans]))
+    return {
+        "total": total,
+        "total_cpu": float(np.median(cpu)),
+        "first_call": first,
+        "stages": stages,
+        "percent": {name: 100 * ms / total for name, ms in stages.items()},
+        "grasps_per_plan": float(np.mean([len(plan.grasps) for plan in plans])),
+    }
 
 
 def time_samples(planner: Planner, seed: int, count: int = 10_000) -> dict[str, float]:
@@ -98,8 +109,23 @@ def time_samples(planner: Planner, seed: int, count: int = 10_000) -> dict[str, 
     return {"samples": count, "cpu": float(cpu), "wall": float(wall)}
 
 
+def describe(content: dict[str, Any]) -> str:
+    """The numbers as lines of text."""
+    lines = [f"weights {content['weights']}, loaded in {content['load_ms']:.0f} ms"]
+    for name in CAMERAS:
+        c = content[name]
+        stages = ", ".join(f"{s} {c['stages'][s]:.1f} ms ({c['percent'][s]:.0f} %)" for s in STAGES)
+        lines.append(
+            f"{name}: {c['total']:.1f} ms ({c['total_cpu']:.1f} ms CPU), first call {c['first_call']:.0f} ms; "
+            f"{stages}; {c['grasps_per_plan']:.1f} grasps"
+        )
+    samples = content["posterior samples"]
+    lines.append(f"{samples['samples']} samples: {samples['wall']:.0f} ms ({samples['cpu']:.0f} ms CPU)")
+    return "\n".join(lines)
+
+
 def main(
-    images: int = 20, model: Path | None = None, seed: int = 0, threads: int = 2, json_file: Path | None = None
+    images: int = 20, model: Path | None = None, seed: int = 0, threads: int = 2, json: Path | None = None
 ) -> None:
     """Time plans and samples.
 
@@ -108,22 +134,18 @@ def main(
         model: Directory of a model.
         seed: Of scenes and noise.
         threads: Threads of the network.
-        json_file: Where to write the numbers.
+        json: Where to write the numbers.
     """
     torch.set_num_threads(threads)
     loading = time.perf_counter()
     planner, weights = load(model)
-    content: dict[str, object] = {"weights": weights, "load_ms": 1e3 * (time.perf_counter() - loading)}
-    for name, camera in (("canonical camera", canonical_camera()), ("another camera", other_camera())):
+    content: dict[str, Any] = {"weights": weights, "load_ms": 1e3 * (time.perf_counter() - loading)}
+    for name, camera in zip(CAMERAS, (canonical_camera(), other_camera()), strict=True):
         content[name] = time_camera(planner, camera, images, seed)
     content["posterior samples"] = time_samples(planner, seed)
-    for name, value in content.items():
-        if not isinstance(value, dict):
-            print(f"{name}: {value if isinstance(value, str) else round(value)}")
-            continue
-        print(f"{name} (ms): " + ", ".join(f"{key} {number:.1f}" for key, number in value.items()))
-    if json_file is not None:
-        json_file.write_text(json.dumps(content, indent=1) + "\n")
+    print(describe(content))
+    if json is not None:
+        json.write_text(json_module.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,9 +13,11 @@ from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
 from bayesgrasp.posterior.familiarity import STATISTICS, Familiarity
 from bayesgrasp.posterior.figure import save_plan_figure
 from bayesgrasp.posterior.observation import aligned_workspace, to_camera
-from bayesgrasp.posterior.planner import PlannerConfig
+from bayesgrasp.posterior.planner import PlannerConfig, Posterior
 from bayesgrasp.posterior.sampling import SamplerConfig
-from bayesgrasp.posterior.selection import Robot, SelectionConfig
+from bayesgrasp.posterior.selection import Candidates, Robot, SelectionConfig
+from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.seeding import generator
 from bayesgrasp.types import GraspType
 
 CAMERA = canonical_camera()
@@ -35,14 +37,46 @@ def plan(thumb_planner, depth):
 def test_grasps_are_ranked_distinct_and_on_the_object(plan) -> None:
     assert plan.reason is None
     assert 1 <= len(plan.grasps) <= 4
-    scores = [grasp.log_posterior for grasp in plan.grasps]
-    assert scores == sorted(scores, reverse=True)
+    scores = [grasp.success_probability for grasp in plan.grasps]
+    assert (np.diff(scores) <= SelectionConfig().tie).all()
     for grasp in plan.grasps:
         tip = grasp.hand_to_world @ [0.13, 0.0, 0.0, 1.0]
         np.testing.assert_allclose(tip[:2], (0.02, -0.03), atol=0.04)
         assert grasp.on_object > 0.5
         assert grasp.clearance > -0.02
         assert 0 <= grasp.success_probability <= 1
+
+
+def candidates(posterior: list[float], probability: list[float]) -> Candidates:
+    hands = GraspPrior().sample(len(posterior), generator(0))
+    return Candidates(hands, torch.tensor(posterior), torch.tensor(probability))
+
+
+def test_the_likelier_success_goes_first_and_the_posterior_breaks_ties() -> None:
+    some = candidates([1.0, 5.0, 3.0, 9.0, 8.0], [0.9, 0.5, 0.89, 0.49, 0.2])
+    assert some.ranked(SelectionConfig(tie=0.02)) == [2, 0, 3, 1, 4]
+    assert some.ranked(SelectionConfig(tie=0.0)) == [0, 2, 1, 3, 4]
+    assert some.ranked(SelectionConfig(rank="posterior")) == [3, 4, 1, 2, 0]
+
+
+def test_ties_are_counted_from_the_best_not_from_neighbour_to_neighbour() -> None:
+    chain = candidates([1.0, 2.0, 3.0, 4.0], [0.9, 0.85, 0.8, 0.75])
+    assert chain.ranked(SelectionConfig(tie=0.06)) == [1, 0, 3, 2]
+
+
+def test_likelihood_and_posterior_are_both_searched(thumb_planner, depth) -> None:
+    """A ratio that likes tilted hands, where the prior is thin."""
+
+    def given_image(image: torch.Tensor):
+        upright = thumb_planner.posterior.given_image(image)
+        return lambda hands: upright(hands) - 4 * (hands.rotation[..., 2, 0] + 0.6).square()
+
+    planner = replace(thumb_planner, posterior=Posterior(given_image, lambda value: value.sigmoid()))
+    configs = [PlannerConfig(selection=SelectionConfig(rank=rank, tie=0.0)) for rank in ("success", "posterior")]
+    by_success, by_posterior = (replace(planner, config=c).plan(depth, CAMERA, top=1).grasps[0] for c in configs)
+    assert by_success.success_probability > by_posterior.success_probability
+    assert by_posterior.log_posterior > by_success.log_posterior
+    assert by_success.hand_to_world[2, 0] > by_posterior.hand_to_world[2, 0]
 
 
 def test_hand_in_the_camera_frame_is_the_same_hand(plan) -> None:
@@ -158,6 +192,8 @@ def wrong(depth: np.ndarray, kind: str) -> np.ndarray:
         "size": depth[:-1],
         "millimetres": (1000 * depth).astype(np.uint16),
         "float millimetres": 1000 * depth,
+        "centimetres as millimetres": 0.1 * depth,
+        "quarters of millimetres": 4 * depth,
         "zero": np.zeros_like(depth),
     }.get(kind, bad)
 
@@ -171,6 +207,8 @@ def wrong(depth: np.ndarray, kind: str) -> np.ndarray:
         ("negative", "negative"),
         ("millimetres", "uint16"),
         ("float millimetres", "look like millimetres"),
+        ("centimetres as millimetres", "closer than a depth camera"),
+        ("quarters of millimetres", "do not fit the camera's pose: they are typically 4 times"),
         ("zero", "all zero"),
     ],
 )
@@ -186,6 +224,9 @@ def test_bad_images_get_one_clear_error(thumb_planner, depth, kind, words) -> No
         ({"width": 640, "height": 480, "fx": 0.0, "fy": 580.0, "cx": 319.5, "cy": 239.5}, "singular"),
         (np.eye(2), "3 x 3"),
         (np.zeros((3, 3)), "singular"),
+        (np.array([[580.0, 0.0, 1e6], [0.0, 580.0, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
+        (np.array([[580.0, 0.0, 319.5], [0.0, 0.5, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fy"),
+        (np.array([[1e8, 0.0, 319.5], [0.0, 1e8, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
     ],
 )
 def test_bad_intrinsics_get_one_clear_error(thumb_planner, depth, intrinsics, words) -> None:
@@ -209,10 +250,14 @@ def test_intrinsics_in_every_form_are_the_same_camera(depth) -> None:
 def test_wrong_requests_are_refused(thumb_planner, depth) -> None:
     with pytest.raises(InvalidConfigurationError, match="top"):
         thumb_planner.plan(depth, CAMERA, top=0)
+    with pytest.raises(InvalidConfigurationError, match="seed"):
+        thumb_planner.plan(depth, CAMERA, seed=-1)
     with pytest.raises(InvalidConfigurationError):
         PlannerConfig(num_draws=0)
     with pytest.raises(InvalidConfigurationError):
         SelectionConfig(cutting_points=0)
+    with pytest.raises(InvalidConfigurationError, match="tie"):
+        SelectionConfig(tie=-0.1)
 
 
 def test_the_ratio_is_evaluated_in_the_workspace_frame(thumb_planner, plan) -> None:

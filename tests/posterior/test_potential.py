@@ -1,6 +1,7 @@
 """The potential and its gradient, against finite differences along geodesics of the manifold."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from bayesgrasp.posterior.potential import (
     likelihood_potential,
     posterior_potential,
     prior_potential,
+    tempered_potential,
     value_and_euclidean_grad,
 )
 from bayesgrasp.prior.grasp import GraspPrior
@@ -138,3 +140,26 @@ def test_box_never_rounds_outwards(dtype) -> None:
 def test_an_empty_box_is_refused() -> None:
     with pytest.raises(InvalidConfigurationError, match="low < high"):
         Box((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))
+
+
+def test_each_row_has_its_own_weight_of_the_prior() -> None:
+    prior, n = GraspPrior(), 6
+    hands = hands_at(rotations("anywhere", n))
+    weight = torch.tensor([1.0, 0.0, 1.0, 0.0, 1.0, 0.0], dtype=torch.float64)
+    mixed = tempered_potential(smooth_ratio, prior, weight)
+    for make, rows in ((posterior_potential, [0, 2, 4]), (likelihood_potential, [1, 3, 5])):
+        alone = make(smooth_ratio, prior)
+        some = hands[torch.tensor(rows)]
+        torch.testing.assert_close(mixed(hands)[rows], alone(some))
+        for found in (mixed.value_and_grad(hands), mixed.of(torch.tensor(rows)).value_and_grad(some)):
+            value, gradient = (part[rows] if len(part) == n else part for part in found)
+            expected = alone.value_and_grad(some)
+            torch.testing.assert_close(value, expected[0])
+            torch.testing.assert_close(gradient, expected[1])
+
+
+def test_row_weights_survive_evaluation_in_chunks() -> None:
+    weight = torch.arange(5, dtype=torch.float64)
+    hands = hands_at(rotations("anywhere", 5))
+    whole = tempered_potential(smooth_ratio, GraspPrior(), weight)
+    torch.testing.assert_close(replace(whole, chunk=2)(hands), whole(hands))

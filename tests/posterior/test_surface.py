@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bayesgrasp.errors import CheckpointError, DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import canonical_camera, look_at
 from bayesgrasp.posterior.familiarity import Familiarity, fit_familiarity
-from bayesgrasp.posterior.surface import SurfaceConfig, SurfaceReader
+from bayesgrasp.posterior.surface import SurfaceConfig, SurfaceReader, heights
 from bayesgrasp.posterior.table import TableConfig, locate_workspace
 from bayesgrasp.seeding import generator
 from bayesgrasp.simulators.preprocess import preprocess
@@ -47,6 +48,26 @@ def test_reasons_in_words(render, a_box) -> None:
     assert "(0.00, 0.25)" in str(far.problem()) or "0.2" in str(far.problem())
     blind = READER.read(np.zeros((160, 256), np.float32))
     assert "does not see" in str(blind.problem())
+
+
+@pytest.mark.parametrize(("lift", "tilt"), [(0.014, 0.0), (0.004, 0.02), (-0.012, -0.015)])
+def test_a_camera_off_its_stated_pose_makes_no_object_of_the_table(render, a_box, lift, tilt) -> None:
+    pose = CAMERA.pose.copy()
+    pose[2, 3] -= lift
+    pose[:3, :3] = Rotation.from_rotvec([tilt, 0.0, 0.0]).as_matrix() @ pose[:3, :3]
+    depth = noisy(render(CAMERA.with_pose(pose), (a_box(x=0.03, y=-0.02),)), generator(7))
+    surface = READER.read(preprocess(depth))
+    assert surface.problem() is None
+    np.testing.assert_allclose(surface.center, (0.03, -0.02), atol=0.03)
+    raised = surface.raised_points()
+    assert np.abs(raised[:, :2] - surface.center).max() < 0.15
+    assert np.percentile(raised[:, 2], 98) == pytest.approx(0.12, abs=0.006)
+    assert heights(surface.near(), surface.table).min() > -0.012
+    assert READER.read(preprocess(render(CAMERA.with_pose(pose)))).problem().startswith("nothing on the table")
+
+
+def test_of_an_exact_camera_the_table_is_flat(render, a_box) -> None:
+    np.testing.assert_allclose(READER.read(preprocess(render(CAMERA, (a_box(),)))).table, 0.0, atol=1e-4)
 
 
 def test_specks_are_not_objects(render, a_box) -> None:

@@ -10,8 +10,9 @@ box is kept exactly: a trial position is clipped to it, the decrease is judged a
 made, and a coordinate that sits on a face and wants to leave is frozen (active set): a MAP outside the support is
 impossible.
 
-A batch is one tensor program: every start has its own step length and stopping reason; those that stopped, or whose
-step is already accepted, are left out of the next evaluation.
+A batch is one tensor program: every start has its own step length and stopping reason, and none waits for another: in
+each evaluation some try the first step along a new direction and others a shorter one along their last. Those that
+stopped are left out.
 """
 
 from dataclasses import dataclass, field, replace
@@ -175,30 +176,47 @@ class _Descent:
         self.direction = torch.zeros_like(self.gradient)
         self.previous = torch.zeros_like(self.gradient)
         self.step_length, self.curvature = torch.full_like(value, config.first_step), torch.zeros_like(value)
-        self.steps = torch.zeros_like(starts.grasp_type)
+        self.slope, self.factor = torch.zeros_like(value), torch.zeros_like(value)
+        count = torch.zeros_like(starts.grasp_type)
+        self.steps, self.searches, self.trials = count.clone(), count.clone(), count
         self.stop = torch.full_like(starts.grasp_type, Stop.MAX_STEPS)
         self.active = value.isfinite()
         self.stop[~self.active] = Stop.OUTSIDE
-        self.evaluations, self.rounds = len(value), 0
+        self.due, self.steepest = self.active.clone(), self.active.clone()
+        self.evaluations = len(value)
 
     def step(self) -> bool:
-        """One conjugate-gradient step of every start that is still going; False when none is, or steps are used up."""
-        free_gradient = torch.where(self._blocked(), 0.0, self.gradient)
-        self._finish(self.active & (free_gradient.norm(dim=-1) < self.config.gradient_tolerance), Stop.SMALL_GRADIENT)
-        if self.rounds == self.config.steps or not self.active.any():
+        """One trial of every start that is still going, along a new direction where one is due; False when none is."""
+        self._aim()
+        rows = self.active.nonzero()[:, 0]
+        if len(rows) == 0:
             return False
-        self.rounds += 1
-        steepest = self._turn(free_gradient)
-        before = self.value.clone()
-        moved = self._search(free_gradient)
-        self.steps += moved
-        self._finish(self.active & ~moved & steepest, Stop.NO_DECREASE)
-        self._finish(moved & (before - self.value < self.config.decrease_tolerance), Stop.SMALL_DECREASE)
-        self.direction[~moved] = 0.0  # the next direction is the steepest one
+        before = self.value[rows]
+        accepted, excess = self._try(rows)
+        self._shorten(rows[~accepted], excess[~accepted])
+        moved = rows[accepted]
+        self.steps[moved] += 1
+        self.due[moved] = True
+        small = before[accepted] - self.value[moved] < self.config.decrease_tolerance
+        self._finish(moved[small], Stop.SMALL_DECREASE)
         return True
 
     def result(self) -> Ascents:
         return Ascents(self.hands, self.value, self.steps, self.stop, self.evaluations)
+
+    def _aim(self) -> None:
+        """Directions and first trials of the starts that are due, or their end."""
+        free_gradient = torch.where(self._blocked(), 0.0, self.gradient)
+        flat = self.due & self.active & (free_gradient.norm(dim=-1) < self.config.gradient_tolerance)
+        self._finish(flat, Stop.SMALL_GRADIENT)
+        self.active &= ~(self.due & (self.searches == self.config.steps))
+        due = self.due & self.active
+        self._turn(free_gradient, due)
+        self.slope = torch.where(due, (self.direction * free_gradient).sum(-1), self.slope)
+        self.factor = torch.where(due, self._first_trial(self.slope), self.factor)
+        self.searches += due
+        self.trials[due] = 0
+        self.due = torch.zeros_like(due)
 
     def _blocked(self) -> Bool[Tensor, "n 6"]:
         """Coordinates on a face of the box whose descent points outwards."""
@@ -206,33 +224,18 @@ class _Descent:
         outwards = ((x <= self.low) & (g > 0)) | ((x >= self.high) & (g < 0))
         return torch.cat([outwards, torch.zeros_like(outwards)], -1)
 
-    def _turn(self, gradient: Float[Tensor, "n 6"]) -> Bool[Tensor, "n"]:
-        """Set the next direction; True where it is that of steepest descent."""
+    def _turn(self, gradient: Float[Tensor, "n 6"], due: Bool[Tensor, "n"]) -> None:
+        """Set the next direction where one is due, and note where it is that of steepest descent."""
         change = gradient - self.previous
         curvature = (self.direction * change).sum(-1)
         beta = ((gradient * change).sum(-1) / curvature).nan_to_num(0.0, 0.0, 0.0).clamp(min=0.0)
         direction = torch.where(gradient == 0, 0.0, beta[:, None] * self.direction) - gradient
         ascending = (direction * gradient).sum(-1) > -0.1 * direction.norm(dim=-1) * gradient.norm(dim=-1)
         steepest = ascending | (beta == 0)
-        self.direction = torch.where(steepest[:, None], -gradient, direction)
-        self.previous = gradient
-        return steepest
-
-    def _search(self, gradient: Float[Tensor, "n 6"]) -> Bool[Tensor, "n"]:
-        """Backtrack along the directions; True where a step was taken."""
-        slope = (self.direction * gradient).sum(-1)
-        factor = self._first_trial(slope)
-        pending, moved = self.active.clone(), torch.zeros_like(self.active)
-        for _ in range(self.config.backtracks):
-            rows = pending.nonzero()[:, 0]
-            if len(rows) == 0:
-                break
-            accepted, excess = self._try(rows, factor[rows], slope[rows])
-            moved[rows[accepted]], pending[rows[accepted]] = True, False
-            # Minimum of the parabola through f(0), f'(0) and f(a); a bounded share of a, however bad the trial was.
-            parabola = -0.5 * slope[rows] * factor[rows] / (excess - slope[rows] * factor[rows])
-            factor[rows] *= parabola.nan_to_num(0.0).clamp(0.1, 0.5)
-        return moved
+        direction = torch.where(steepest[:, None], -gradient, direction)
+        self.steepest = torch.where(due, steepest, self.steepest)
+        self.direction = torch.where(due[:, None], direction, self.direction)
+        self.previous = torch.where(due[:, None], gradient, self.previous)
 
     def _first_trial(self, slope: Float[Tensor, "n"]) -> Float[Tensor, "n"]:
         """Newton's step for the curvature seen along the last direction, within a range around the last step."""
@@ -241,19 +244,17 @@ class _Descent:
         step = torch.minimum(torch.maximum(newton, 0.2 * self.step_length), 4.0 * self.step_length)
         return step.clamp(max=self.config.max_step) / length
 
-    def _try(
-        self, rows: Int[Tensor, "m"], factor: Float[Tensor, "m"], slope: Float[Tensor, "m"]
-    ) -> tuple[Bool[Tensor, "m"], Float[Tensor, "m"]]:
+    def _try(self, rows: Int[Tensor, "m"]) -> tuple[Bool[Tensor, "m"], Float[Tensor, "m"]]:
         """Evaluate one trial per row and keep those that decrease enough; which they are, and f(trial) - f for all."""
-        direction = self.direction[rows]
+        direction, factor = self.direction[rows], self.factor[rows]
         trial, shift = self._displace(rows, factor[:, None] * direction)
-        value, gradient = self.potential.value_and_grad(trial)
+        value, gradient = self.potential.of(rows).value_and_grad(trial)
         gradient = gradient * self.scale
         self.evaluations += len(rows)
         excess, predicted = value - self.value[rows], (self.gradient[rows] * shift).sum(-1)
         accepted = (excess <= self.config.armijo * predicted) & (predicted < 0)
         keep, length = rows[accepted], direction.norm(dim=-1)
-        curvature = ((gradient * direction).sum(-1) - slope) / (factor * length**2)
+        curvature = ((gradient * direction).sum(-1) - self.slope[rows]) / (factor * length**2)
         for state, new in (
             (self.hands.position, trial.position),
             (self.hands.rotation, trial.rotation),
@@ -265,6 +266,18 @@ class _Descent:
             state[keep] = new[accepted]
         return accepted, excess
 
+    def _shorten(self, rows: Int[Tensor, "m"], excess: Float[Tensor, "m"]) -> None:
+        """Next trials of rows whose last one failed; where it was the last in its line search, a new direction."""
+        # Minimum of the parabola through f(0), f'(0) and f(a); a bounded share of a, however bad the trial was.
+        predicted = self.slope[rows] * self.factor[rows]
+        parabola = -0.5 * predicted / (excess - predicted)
+        self.factor[rows] *= parabola.nan_to_num(0.0).clamp(0.1, 0.5)
+        self.trials[rows] += 1
+        failed = rows[self.trials[rows] == self.config.backtracks]
+        self._finish(failed[self.steepest[failed]], Stop.NO_DECREASE)
+        self.direction[failed] = 0.0  # the next direction is the steepest one
+        self.due[failed] = True
+
     def _displace(self, rows: Int[Tensor, "m"], shift: Float[Tensor, "m 6"]) -> tuple[Hands, Float[Tensor, "m 6"]]:
         """Retract, with positions clipped to the box; also the scaled displacement that was really made."""
         start = self.hands[rows]
@@ -272,6 +285,6 @@ class _Descent:
         trial = replace(trial, position=self.potential.box.clip(trial.position))
         return trial, torch.cat([(trial.position - start.position) / self.scale[:3], shift[:, 3:]], -1)
 
-    def _finish(self, which: Bool[Tensor, "n"], reason: Stop) -> None:
+    def _finish(self, which: Bool[Tensor, "n"] | Int[Tensor, "m"], reason: Stop) -> None:
         self.stop[which] = reason
-        self.active &= ~which
+        self.active[which] = False

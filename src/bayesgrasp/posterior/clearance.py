@@ -1,8 +1,7 @@
 """The open hand against the measured surface: does it cut through it, and is anything between the fingers?
 
 The open hand of a grasp type is a set of boxes and capsules fixed in the hand frame (forward kinematics of the
-gripper's description at its pre-shape). A point p of the measured surface is inside a box with half extents s if
-max(|p| - s) < 0, inside a capsule of radius r if its distance to the axis is below r. The closing region is the box
+gripper's description at its pre-shape), all of them rounded boxes (`clearance_kernels`). The closing region is the box
 between the fingers: from the palm to the fingertips, as wide as the middles of the fingers are apart.
 """
 
@@ -16,6 +15,7 @@ from jaxtyping import Float, Float64
 from scipy.spatial.transform import Rotation
 
 from bayesgrasp.assets.gripper import GripperDescription, Link, Shape
+from bayesgrasp.posterior.clearance_kernels import least_distance
 from bayesgrasp.types import GraspType
 
 Points = Float64[np.ndarray, "n 3"]
@@ -33,19 +33,16 @@ class Placed:
     shape: Shape
     shape_to_hand: Float64[np.ndarray, "4 4"]
 
-    def distance(self, points: Points) -> Float64[np.ndarray, "n"]:
-        """Signed distance (metres, negative inside) of points in the hand frame; a lower bound outside a box."""
-        local = (points - self.shape_to_hand[:3, 3]) @ self.shape_to_hand[:3, :3]
-        if self.shape.kind == "box":
-            return (np.abs(local) - self.shape.size).max(axis=-1)
-        radius, half = self.shape.size[:2]
-        local[:, 2] -= np.clip(local[:, 2], -half, half)
-        return np.linalg.norm(local, axis=-1) - radius
+    @property
+    def rounded_box(self) -> tuple[Float64[np.ndarray, "3"], float]:
+        """Half extents and radius, metres; see `clearance_kernels`."""
+        size = np.array(self.shape.size)
+        return (size, 0.0) if self.shape.kind == "box" else (np.array([0.0, 0.0, size[1]]), float(size[0]))
 
     def corners(self) -> Float64[np.ndarray, "8 3"]:
         """Corners of a box around the shape, hand frame, metres."""
-        size = np.array(self.shape.size)
-        half = size if self.shape.kind == "box" else np.array([size[0], size[0], size[0] + size[1]])
+        extents, radius = self.rounded_box
+        half = extents + radius
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
         return signs * half @ self.shape_to_hand[:3, :3].T + self.shape_to_hand[:3, 3]
 
@@ -66,13 +63,14 @@ class OpenHand:
         return {t: tuple(self._place(t)) for t in GraspType}
 
     def distance(self, points: Points, grasp_type: GraspType) -> Float64[np.ndarray, "n"]:
-        """Distance (metres, negative inside) of points in the hand frame from the open hand."""
-        return np.min([placed.distance(points) for placed in self.shapes[grasp_type]], axis=0)
+        """Signed distance (metres, negative inside) of points in the hand frame from the open hand."""
+        distances = np.empty(len(points))
+        least_distance(points, *self._packed[grasp_type], distances)
+        return distances
 
     def lowest(self, hand_to_world: Float[np.ndarray, "4 4"], grasp_type: GraspType) -> float:
         """Height of the lowest point of the open hand's covering boxes above the table, metres."""
-        corners = np.concatenate([placed.corners() for placed in self.shapes[grasp_type]])
-        return float((corners @ hand_to_world[2, :3]).min() + hand_to_world[2, 3])
+        return float((self._corners[grasp_type] @ hand_to_world[2, :3]).min() + hand_to_world[2, 3])
 
     def between_fingers(self, points: Points) -> np.ndarray:
         """Which points (hand frame, metres) are in the closing region."""
@@ -81,10 +79,20 @@ class OpenHand:
         return (x > 0) & (x < reach) & (np.abs(y) < across) & (np.abs(z) < beside)
 
     @cached_property
+    def _corners(self) -> dict[GraspType, Points]:
+        """Corners of all covering boxes, hand frame, metres."""
+        return {t: np.concatenate([placed.corners() for placed in shapes]) for t, shapes in self.shapes.items()}
+
+    @cached_property
+    def _packed(self) -> dict[GraspType, tuple[np.ndarray, ...]]:
+        """The shapes as `least_distance` takes them."""
+        return {t: _pack(shapes) for t, shapes in self.shapes.items()}
+
+    @cached_property
     def _closing_region(self) -> tuple[float, float, float]:
         """Reach of the fingertips ahead of the palm, and half widths across the fingers and beside them, metres."""
         middles = np.stack([placed.shape_to_hand[:3, 3] for placed in self.shapes[GraspType.BASIC]])
-        corners = np.concatenate([placed.corners() for placed in self.shapes[GraspType.BASIC]])
+        corners = self._corners[GraspType.BASIC]
         ahead = middles[:, 0] > 0.5 * self.gripper.closing_depth
         across, beside = np.abs(middles[ahead, 1:]).max(0)
         return float(corners[:, 0].max()), float(across), float(beside)
@@ -97,6 +105,14 @@ class OpenHand:
             poses[link.name] = poses[link.parent] @ _link_pose(link, angles)
             placed += [Placed(s, poses[link.name] @ _pose(s.position, s.quaternion)) for s in link.shapes]
         return placed
+
+
+def _pack(shapes: tuple[Placed, ...]) -> tuple[np.ndarray, ...]:
+    """Centres, rotations, half extents, radii and bounding radii of shapes."""
+    poses = np.stack([placed.shape_to_hand for placed in shapes])
+    extents, radii = (np.array(column) for column in zip(*(placed.rounded_box for placed in shapes), strict=True))
+    bounds = np.linalg.norm(extents, axis=1) + radii
+    return np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, :3]), extents, radii, bounds
 
 
 def _link_pose(link: Link, angles: dict[str, float]) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
-from bayesgrasp.posterior.surface import Surface
+from bayesgrasp.posterior.surface import Surface, in_square
 
 STATISTICS = (
     "valid_share",
@@ -43,7 +43,7 @@ def statistics(surface: Surface) -> Float64[np.ndarray, "11"]:
     """The `STATISTICS` of an image with an object in it (metres, shares, square roots of pixels)."""
     points, valid, item = surface.points, surface.valid, surface.item
     with np.errstate(invalid="ignore"):
-        near = valid & (np.abs(points[..., :2]) < WORKSPACE).all(-1)
+        near = valid & in_square(points, WORKSPACE)
         table = near & (points[..., 2] < surface.config.table_thickness) & ~item
     height = points[table][:, 2] if table.any() else np.zeros(1)
     steps = np.diff(points[..., 2], axis=1)[table[:, 1:] & table[:, :-1]]

@@ -19,8 +19,12 @@ from bayesgrasp.errors import DepthImageError
 from bayesgrasp.geometry.camera import INTRINSICS, Camera
 
 Intrinsics = Camera | Mapping[str, float | int] | np.ndarray
-LARGEST_DEPTH = 20.0
-"""Metres; a median depth beyond it is a wrong unit."""
+SMALLEST_DEPTH, LARGEST_DEPTH = 0.15, 20.0
+"""Metres; no depth camera measures a whole scene closer, and a median depth outside is a wrong unit."""
+SCALES = 0.4, 2.5
+"""The median of measured depths over the depths of the table; outside, the unit or the camera's pose is wrong."""
+STEEPEST, NARROWEST = 11.0, 0.02
+"""Largest tangent of a ray's angle with the optical axis (85 degrees), and least width of a view at 1 m, metres."""
 
 
 def aligned_workspace(camera_to_world: Float64[np.ndarray, "4 4"], tolerance: float) -> Float64[np.ndarray, "4 4"]:
@@ -56,7 +60,29 @@ def check_depth(depth: Any) -> Float32[np.ndarray, "h w"]:
         raise DepthImageError("the depth image is all zero: the camera returned nothing")
     if (median := float(np.median(depth[depth > 0]))) > LARGEST_DEPTH:
         raise DepthImageError(f"the median depth is {median:.0f}: depths are metres, these look like millimetres")
+    if median < SMALLEST_DEPTH:
+        raise DepthImageError(
+            f"the median depth is {median:.3g} m, closer than a depth camera measures; depths are metres"
+        )
     return depth.astype(np.float32)
+
+
+def check_scale(depth: Float32[np.ndarray, "h w"], camera: Camera) -> None:
+    """Compare measured depths with those of the table z = 0, where the camera with its pose looks at it.
+
+    Raises:
+        DepthImageError: They are of another order.
+    """
+    small, rays = depth[::8, ::8], camera.rays()[::8, ::8] @ camera.pose[2, :3]
+    seen = (small > 0) & (rays < -1e-3)
+    if not seen.any():
+        return
+    scale = float(np.median(-small[seen] * rays[seen])) / camera.pose[2, 3]
+    if not SCALES[0] < scale < SCALES[1]:
+        raise DepthImageError(
+            f"the depths do not fit the camera's pose: they are typically {scale:.2g} times what the table's would be "
+            f"for a camera {camera.pose[2, 3]:.2f} m above it; is the unit of the image, or of the pose, not metres?"
+        )
 
 
 def to_camera(
@@ -78,7 +104,26 @@ def to_camera(
             f"the depth image is {shape[1]} x {shape[0]} pixels, the intrinsics are for "
             f"{camera.width} x {camera.height}"
         )
+    _check_view(camera)
     return camera if camera_to_world is None else camera.with_pose(np.asarray(camera_to_world, dtype=np.float64))
+
+
+def _check_view(camera: Camera) -> None:
+    """Refuse intrinsics that no pinhole camera has.
+
+    Raises:
+        DepthImageError: The image is wider than 85 degrees off the optical axis, or hardly wider than a point.
+    """
+    for axis, focal, center, size in (
+        ("x", camera.fx, camera.cx, camera.width),
+        ("y", camera.fy, camera.cy, camera.height),
+    ):
+        low, high = -center / focal, (size - 1 - center) / focal
+        if max(abs(low), abs(high)) > STEEPEST or high - low < NARROWEST:
+            raise DepthImageError(
+                f"the intrinsics are those of no pinhole camera: with f{axis} = {focal:g} and c{axis} = {center:g} "
+                f"an image of {size} pixels would reach from {low:.3g} to {high:.3g} m in {axis} at 1 m"
+            )
 
 
 def _from_matrix(matrix: np.ndarray, shape: tuple[int, ...]) -> Camera:

@@ -1,7 +1,7 @@
 """From one depth image to ranked grasps that the arm can reach (paper, section 3.2, made fit for a robot).
 
-    check -> view (canonical image) -> scene (is there anything to grasp?) -> encode -> search (MAP, many starts)
-          -> reach (joint paths, clearance) -> samples
+    check -> view (canonical image) -> scene (is there anything to grasp?) -> encode -> search (MAP and MLE)
+          -> reach (ranking, joint paths, clearance) -> samples
 
 Everything that depends on the trained model, the sensor or the arm is handed in: this file knows none of them. Frames
 are explained in `observation`.
@@ -25,9 +25,9 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
 from bayesgrasp.posterior.familiarity import Familiarity
-from bayesgrasp.posterior.observation import Intrinsics, aligned_workspace, check_depth, to_camera
+from bayesgrasp.posterior.observation import Intrinsics, aligned_workspace, check_depth, check_scale, to_camera
 from bayesgrasp.posterior.plan import Grasp, Plan
-from bayesgrasp.posterior.potential import LogDensity, Prior, posterior_potential
+from bayesgrasp.posterior.potential import LogDensity, Prior, tempered_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
 from bayesgrasp.posterior.selection import Candidates, Robot, Selection, SelectionConfig
 from bayesgrasp.posterior.surface import Surface, SurfaceReader
@@ -57,8 +57,12 @@ class Posterior:
     success_probability: Callable[[Tensor], Tensor]
 
 
-QUICK = AscentConfig(starts_per_type=4, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
+QUICK = AscentConfig(starts_per_type=2, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
 """More starts than Algorithm 2, and no more precision than a robot can use."""
+
+
+TEMPERS = (1.0, 0.0)
+"""Weights of the log-prior in the ascents: they lead to the MAP and to the MLE."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,8 @@ class PlannerConfig:
 
     Attributes:
         num_draws: Draws from the prior that compete for the starts.
-        ascent: The search; by default four starts per grasp type.
+        ascent: The search; by default two starts per grasp type for the maximum of the posterior, and as many for that
+            of the likelihood inside the prior's box.
         fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
         alignment: The world is turned where the camera stands more than this off its side in training, radians.
         selection: What makes a grasp executable and distinct.
@@ -136,6 +141,8 @@ class Planner:
         """
         if top < 1 or samples < 0:
             raise InvalidConfigurationError(f"top must be at least 1 and samples at least 0, got {top} and {samples}")
+        if seed < 0:
+            raise InvalidConfigurationError(f"the seed must be at least 0, got {seed}")
         return _Planning(self, np.random.default_rng(seed)).run(
             check_depth(depth), to_camera(intrinsics, depth.shape, camera_to_world), top, samples
         )
@@ -153,6 +160,7 @@ class _Planning:
         started = time.perf_counter()
         with self._stage("view"):
             camera = self._with_pose(depth, camera)
+            check_scale(depth, camera)
             workspace_to_world = aligned_workspace(camera.pose, self.config.alignment)
             world_to_workspace = np.linalg.inv(workspace_to_world)
             image = self.planner.view(depth, camera.with_pose(world_to_workspace @ camera.pose))
@@ -160,7 +168,8 @@ class _Planning:
             surface = self.planner.reader.read(image)
             reason = surface.problem()
             cleared = self.planner.reader.cleared(image, surface)
-            unfamiliarity = None if reason else self._unfamiliarity(surface if cleared is image else cleared)
+            seen = surface if cleared is image else self.planner.reader.read(cleared, surface.item)
+            unfamiliarity = None if reason else self._unfamiliarity(seen)
             image = cleared
         grasps: tuple[Grasp, ...] = ()
         drawn = None
@@ -200,11 +209,10 @@ class _Planning:
         )
         return camera.with_pose(locate_workspace(depth, camera, self.rng, self.config.table))
 
-    def _unfamiliarity(self, seen: Surface | Float32[np.ndarray, "h w"]) -> float | None:
+    def _unfamiliarity(self, surface: Surface) -> float | None:
         familiarity = self.planner.familiarity
         if familiarity is None:
             return None
-        surface = seen if isinstance(seen, Surface) else self.planner.reader.read(seen)
         score = familiarity.distance(surface) / familiarity.threshold
         if score > 1:
             self.warnings.append(
@@ -221,15 +229,17 @@ class _Planning:
 
 
 def _search(planner: Planner, log_ratio: LogDensity, rng: np.random.Generator) -> Candidates:
-    """Ends of the ascents, then the best draws from the prior."""
-    config, potential = planner.config, posterior_potential(log_ratio, planner.prior)
-    draws = planner.prior.sample(config.num_draws, rng)
-    value = potential(draws)
-    ends = ascend(potential, starting_points(draws, value, config.ascent.starts_per_type), config.ascent)
-    log_evidence = torch.logsumexp(-value - planner.prior.log_prob(draws), 0) - math.log(config.num_draws)
-    fallbacks = value.argsort()[: config.fallbacks]
-    order = ends.value.argsort()
-    hands = Hands.cat([ends.hands[order], draws[fallbacks]])
-    log_joint = -torch.cat([ends.value[order], value[fallbacks]])
-    log_ratios = log_joint - planner.prior.log_prob(hands)
-    return Candidates(hands, log_joint - log_evidence, planner.posterior.success_probability(log_ratios))
+    """Ends of the ascents, and the best draws from the prior."""
+    config, prior = planner.config, planner.prior
+    draws = prior.sample(config.num_draws, rng)
+    with torch.no_grad():
+        ratio, log_prior = log_ratio(draws), prior.log_prob(draws)
+    per_type = config.ascent.starts_per_type
+    starts = [starting_points(draws, -(ratio + weight * log_prior), per_type) for weight in TEMPERS]
+    weight = torch.cat([torch.full(hands.shape, weight) for weight, hands in zip(TEMPERS, starts, strict=True)])
+    ends = ascend(tempered_potential(log_ratio, prior, weight), Hands.cat(starts), config.ascent).hands
+    log_evidence = torch.logsumexp(ratio, 0) - math.log(config.num_draws)
+    hands = Hands.cat([ends, draws[(-(ratio + log_prior)).argsort()[: config.fallbacks]]])
+    with torch.no_grad():
+        ratio, log_prior = log_ratio(hands), prior.log_prob(hands)
+    return Candidates(hands, ratio + log_prior - log_evidence, planner.posterior.success_probability(ratio))

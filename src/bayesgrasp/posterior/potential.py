@@ -8,18 +8,20 @@ Any log-ratio and any prior will do: both are protocols. Terms left out give the
     full observation  the same two with r(S=1, O, p_O, beta, friction | h)
     prior             -log p(h)
 
+One batch may search for several of them at once: a term can have a weight for each row (`Weighted`).
+
 The Euclidean gradient G = df/dR in R^{3x3}, by autograd, is projected to R skew(R^T G) (paper, section 3.2), which is
 kept as the three derivatives along R exp([w]_x): the vector of 2 skew(R^T G), in the hand frame.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
@@ -106,6 +108,27 @@ class Box:
 
 
 @dataclass(frozen=True)
+class Weighted:
+    """A log-density times a weight for each row of the batch.
+
+    Attributes:
+        density: Log-density.
+        weight: One for each row.
+    """
+
+    density: LogDensity
+    weight: Float[Tensor, "n"]
+
+    def __call__(self, hands: Hands) -> Float[Tensor, "n"]:
+        """Weighted values of a batch of n hands, row by row."""
+        return self.weight * self.density(hands)
+
+    def of(self, rows: slice | Int[Tensor, "m"]) -> "Weighted":
+        """The same for some of the rows."""
+        return Weighted(self.density, self.weight[rows])
+
+
+@dataclass(frozen=True)
 class Potential:
     """Negative sum of log-densities, restricted to a box of positions.
 
@@ -123,7 +146,8 @@ class Potential:
         """Values f(h), without gradient; +inf outside the box."""
         with torch.no_grad():
             flat = _flatten(hands)
-            parts = [self._value(flat[i : i + self.chunk]) for i in range(0, max(len(flat.grasp_type), 1), self.chunk)]
+            chunks = [slice(i, i + self.chunk) for i in range(0, max(len(flat.grasp_type), 1), self.chunk)]
+            parts = [self.of(chunk)._value(flat[chunk]) for chunk in chunks]
             value = torch.cat(parts).reshape(hands.shape)
             return torch.where(self.box.contains(hands.position), value, torch.inf)
 
@@ -141,6 +165,12 @@ class Potential:
         value = torch.where(self.box.contains(hands.position), -value, torch.inf)
         return value, torch.cat([-by_position, -2 * so3.vee(hands.rotation.mT @ by_rotation)], -1)
 
+    def of(self, rows: slice | Int[Tensor, "m"]) -> "Potential":
+        """The potential of some rows of a batch; it differs from row to row only where a term is `Weighted`."""
+        if not any(isinstance(term, Weighted) for term in self.terms):
+            return self
+        return replace(self, terms=tuple(t.of(rows) if isinstance(t, Weighted) else t for t in self.terms))
+
     def _value(self, hands: Hands) -> Float[Tensor, "n"]:
         return -_Sum(self.terms)(hands)
 
@@ -148,6 +178,11 @@ class Potential:
 def posterior_potential(log_ratio: LogDensity, prior: Prior) -> Potential:
     """-log r - log p: its minimum is the MAP."""
     return Potential((log_ratio, prior.log_prob), Box.of(prior))
+
+
+def tempered_potential(log_ratio: LogDensity, prior: Prior, weight: Float[Tensor, "n"]) -> Potential:
+    """-log r - w log p with a weight w for each row of a batch of n: 1 leads to the MAP, 0 to the MLE."""
+    return Potential((log_ratio, Weighted(prior.log_prob, weight)), Box.of(prior))
 
 
 def likelihood_potential(log_ratio: LogDensity, prior: Prior) -> Potential:

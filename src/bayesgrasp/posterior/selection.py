@@ -1,13 +1,19 @@
-"""Which hands the robot can execute: distinct, free of the measured surface, within the arm's reach."""
+"""Which hands the robot can execute, and in which order it should try them.
+
+A robot wants the grasp that most probably succeeds. The mode of p(h | S=1, i) need not be it: where p(S=1 | i, h) is
+near 1 for many hands, the prior decides among them, and draws the mode towards its own. So grasps are ranked by
+p(S=1 | i, h); probabilities that hardly differ are a tie, which the posterior breaks. A grasp is executable if it is
+clear of the measured surface and of the table and within the arm's reach.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
@@ -45,9 +51,11 @@ class Robot:
 
 @dataclass(frozen=True)
 class SelectionConfig:
-    """What makes a grasp executable and distinct.
+    """What makes a grasp executable and distinct, and which is better.
 
     Attributes:
+        rank: By estimated success probability, ties broken by the log posterior; or by the log posterior alone.
+        tie: Success probabilities that differ by no more than this are a tie.
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
         cutting_points: From so many measured points deeper than that on, a hand collides.
@@ -55,20 +63,26 @@ class SelectionConfig:
         space: The metric.
     """
 
+    rank: Literal["success", "posterior"] = "success"
+    tie: float = 0.001
     distinct: float = 0.2
-    penetration: float = 0.006
-    cutting_points: int = 4
+    penetration: float = 0.003
+    cutting_points: int = 2
     standoff: float = 0.10
     space: GraspSpace = field(default_factory=GraspSpace)
 
     def __post_init__(self) -> None:
-        if min(self.distinct, self.penetration, self.standoff) < 0 or self.cutting_points < 1:
-            raise InvalidConfigurationError("need distinct, penetration and standoff >= 0, and cutting_points >= 1")
+        if self.rank not in ("success", "posterior"):
+            raise InvalidConfigurationError(f"grasps are ranked by success or posterior, not by {self.rank!r}")
+        if min(self.tie, self.distinct, self.penetration, self.standoff) < 0 or self.cutting_points < 1:
+            raise InvalidConfigurationError(
+                "need tie, distinct, penetration and standoff >= 0, and cutting_points >= 1"
+            )
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Hands to choose from, best first.
+    """Hands to choose from.
 
     Attributes:
         hands: In the workspace frame.
@@ -79,6 +93,14 @@ class Candidates:
     hands: Hands
     log_posterior: Float[Tensor, "n"]
     probability: Float[Tensor, "n"]
+
+    def ranked(self, config: SelectionConfig) -> list[int]:
+        """Indices of the hands, best first."""
+        by_posterior = self.log_posterior.argsort(descending=True)
+        if config.rank == "posterior":
+            return list(by_posterior.tolist())
+        level = _levels(self.probability, config.tie)[by_posterior]
+        return list(by_posterior[level.argsort(stable=True)].tolist())
 
 
 class Selection:
@@ -103,17 +125,16 @@ class Selection:
         self.robot, self.config = robot, config
         self.world_to_camera = np.linalg.inv(camera_to_world)
         self.workspace_to_world = workspace_to_world
-        points = surface.near().astype(np.float64)
-        raised = points[points[:, 2] > surface.config.table_thickness]
+        raised = surface.raised_points()
         self.raised = raised[:: 1 + len(raised) // MOST_POINTS]
         self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // MOST_POINTS]
         self.failures = {"the arm does not reach it": 0, "the open hand would cut into the object or the table": 0}
 
     def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
-        """The first `top` distinct candidates that can be executed, or the reason why there is none."""
+        """The best `top` distinct candidates that can be executed, or the reason why there is none."""
         grasps: list[Grasp] = []
         tried: list[int] = []
-        for index in range(len(candidates.log_posterior)):
+        for index in candidates.ranked(self.config):
             if len(grasps) == top:
                 break
             if self._repeats(candidates.hands, tried, index):
@@ -122,7 +143,6 @@ class Selection:
             grasp = self._check(candidates, index)
             if grasp is not None:
                 grasps.append(grasp)
-        grasps.sort(key=lambda grasp: -grasp.log_posterior)
         return tuple(grasps), None if grasps else self._reason(len(tried))
 
     def _repeats(self, hands: Hands, tried: list[int], index: int) -> bool:
@@ -182,3 +202,13 @@ class Selection:
 
 def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:
     return (points - hand_to_workspace[:3, 3]) @ hand_to_workspace[:3, :3]
+
+
+def _levels(value: Float[Tensor, "n"], tie: float) -> Int[Tensor, "n"]:
+    """0 for the largest value and all within `tie` of it, 1 for the largest of the others and its ties, and so on."""
+    level, left = torch.zeros(value.shape, dtype=torch.int64), torch.ones_like(value, dtype=torch.bool)
+    while left.any():
+        group = left & (value >= value[left].max() - tie)
+        left &= ~group
+        level[left] += 1
+    return level

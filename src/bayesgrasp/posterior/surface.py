@@ -1,8 +1,10 @@
 """What stands on the table, read from the canonical depth image without any network.
 
-Every pixel with a return is a point of the world frame; points higher than a few times the sensor's noise above z = 0
-are not the table. They answer the questions that a planner must ask before it trusts a posterior: is anything there,
-is it inside the workspace, and is the table where the camera's pose says it is.
+Every pixel with a return is a point of the world frame; points higher than a few times the sensor's noise above the
+table are not the table. The table is z = 0, but a camera whose stated pose is off by a hundredth of a radian sees it
+tilted, a centimetre higher at one end; so heights are counted from the plane that the low points lie in. They answer
+the questions that a planner must ask before it trusts a posterior: is anything there, is it inside the workspace, and
+is the table where the camera's pose says it is.
 """
 
 from __future__ import annotations
@@ -10,11 +12,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Float64
 from scipy import ndimage
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera
+
+LOW = 3
+"""The table is looked for among points closer to z = 0 than this many times `SurfaceConfig.table_thickness`."""
+STRIDE = 4
+"""Every so many pixels, each way, are looked at for the plane of the table."""
+FEWEST = 50
+"""With fewer of them the table is taken to be z = 0."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +64,14 @@ class Surface:
         points: World points of all pixels, metres; NaN where there was no return.
         valid: Pixels with a return.
         item: Pixels of the object that stands nearest to the workspace centre; none where nothing is on the table.
+        table: (a, b, c) of the plane z = a + b x + c y that the table was seen in; zeros for an exact camera pose.
         config: What counted as an object.
     """
 
     points: Float32[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"]
     item: Bool[np.ndarray, "h w"]
+    table: Float64[np.ndarray, "3"]
     config: SurfaceConfig
 
     @property
@@ -76,9 +87,13 @@ class Surface:
 
     def near(self, radius: float = 0.3) -> Float32[np.ndarray, "n 3"]:
         """Points on the table and above it within a square around the workspace centre, metres."""
-        with np.errstate(invalid="ignore"):
-            inside = self.valid & (np.abs(self.points[..., :2]) < radius).all(-1)
-        return self.points[inside]
+        return self.points[self.valid & in_square(self.points, radius)]
+
+    def raised_points(self, radius: float = 0.3) -> Float64[np.ndarray, "n 3"]:
+        """What stands on the table within a square around the workspace centre, with z counted from the table seen."""
+        points = self.near(radius).astype(np.float64)
+        points[:, 2] = heights(points, self.table)
+        return points[points[:, 2] > self.config.table_thickness]
 
     def problem(self) -> str | None:
         """Why nothing can be planned, in words; None where something can."""
@@ -98,6 +113,20 @@ class Surface:
         return None
 
 
+def in_square(points: Float[np.ndarray, "*batch 3"], half_side: float) -> Bool[np.ndarray, "*batch"]:
+    """Which points are above or below a square of the table around the workspace centre; NaN is not."""
+    with np.errstate(invalid="ignore"):
+        inside: np.ndarray = (np.abs(points[..., 0]) < half_side) & (np.abs(points[..., 1]) < half_side)
+    return inside
+
+
+def heights(points: Float[np.ndarray, "*batch 3"], table: Float64[np.ndarray, "3"]) -> Float[np.ndarray, "*batch"]:
+    """Heights of points above the plane z = a + b x + c y, metres, in the type of the points."""
+    a, b, c = table.astype(points.dtype)
+    above: np.ndarray = points[..., 2] - (a + b * points[..., 0] + c * points[..., 1])
+    return above
+
+
 class SurfaceReader:
     """Turns images of one fixed camera into `Surface`s.
 
@@ -115,11 +144,12 @@ class SurfaceReader:
         self._table_points = table[..., None] * self._rays + self._origin
         self._table = np.where((table >= self.config.near) & (table <= self.config.far), table, np.float32(0.0))
 
-    def read(self, depth: Float32[np.ndarray, "h w"]) -> Surface:
-        """The surface of a depth image (metres, 0 = no return)."""
+    def read(self, depth: Float32[np.ndarray, "h w"], item: Bool[np.ndarray, "h w"] | None = None) -> Surface:
+        """The surface of a depth image (metres, 0 = no return); the object is found unless given."""
         valid = depth > 0
-        points = np.where(valid, depth, np.nan)[..., None] * self._rays + self._origin
-        return Surface(points, valid, self._item(points), self.config)
+        points = np.where(valid, depth, np.float32(np.nan))[..., None] * self._rays + self._origin
+        table = self._fit_table(points[::STRIDE, ::STRIDE].reshape(-1, 3))
+        return Surface(points, valid, self._item(points, table) if item is None else item, table, self.config)
 
     def cleared(self, depth: Float32[np.ndarray, "h w"], surface: Surface) -> Float32[np.ndarray, "h w"]:
         """The image with the bare table in place of whatever stands, or was not seen, away from the object.
@@ -132,26 +162,43 @@ class SurfaceReader:
             return depth
         config, footprint = self.config, surface.item_points[:, :2]
         low, high = footprint.min(0) - config.surroundings, footprint.max(0) + config.surroundings
-        place = np.where(surface.valid[..., None], surface.points, self._table_points)[..., :2]
-        away = ((place < low) | (place > high)).any(-1)
+        places = (np.where(surface.valid, surface.points[..., k], self._table_points[..., k]) for k in (0, 1))
+        x_away, y_away = ((place < low[k]) | (place > high[k]) for k, place in enumerate(places))
+        away = x_away | y_away
         with np.errstate(invalid="ignore"):
             # Generous, so that a table seen by a camera that is slightly off its stated pose is left alone.
-            table = np.abs(surface.points[..., 2]) < 3 * config.table_thickness
+            table = np.abs(surface.points[..., 2]) < LOW * config.table_thickness
         strange = away & ~table & (depth != self._table)
         return np.where(strange, self._table, depth) if strange.any() else depth
 
-    def _item(self, points: Float32[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
-        """The piece of the non-table pixels whose middle is nearest to the workspace centre."""
-        config = self.config
+    def _fit_table(self, points: Float32[np.ndarray, "n 3"]) -> Float64[np.ndarray, "3"]:
+        """The plane of the low points: their median height, then least squares, leaving out what is not near it."""
+        config, plane = self.config, np.zeros(3)
         with np.errstate(invalid="ignore"):
-            above = (points[..., 2] > config.table_thickness) & (points[..., 2] < config.ceiling)
-            above &= (np.abs(points[..., :2]) < config.reach).all(-1)
-        labels, count = ndimage.label(above)
-        if count == 0:
-            return above
-        sizes = np.bincount(labels[above], minlength=count + 1)
+            low = points[in_square(points, config.reach) & (np.abs(points[:, 2]) < LOW * config.table_thickness)]
+        if len(low) < FEWEST:
+            return plane
+        low = low.astype(np.float64)
+        plane[0] = np.median(low[:, 2])
+        for _ in range(3):
+            member = low[np.abs(heights(low, plane)) < config.table_thickness]
+            if len(member) < FEWEST:
+                return np.zeros(3)
+            terms = np.column_stack([np.ones(len(member)), member[:, :2]])
+            plane = np.linalg.lstsq(terms, member[:, 2], rcond=None)[0]
+        return plane
+
+    def _item(self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"]) -> Bool[np.ndarray, "h w"]:
+        """The piece of the non-table pixels whose middle is nearest to the workspace centre."""
+        config, height = self.config, heights(points, table)
+        with np.errstate(invalid="ignore"):
+            above = (height > config.table_thickness) & (height < config.ceiling)
+        above &= in_square(points, config.reach)
+        labels, _ = ndimage.label(above)
+        members = labels[above]
+        sizes = np.bincount(members)
         large = np.flatnonzero(sizes >= config.min_pixels)
         if len(large) == 0:
             return np.zeros_like(above)
-        means = [ndimage.mean(points[..., axis], labels, large) for axis in (0, 1)]
-        return labels == large[np.argmin(np.hypot(*means))]
+        x, y = (np.bincount(members, points[..., axis][above])[large] / sizes[large] for axis in (0, 1))
+        return labels == large[np.argmin(np.hypot(x, y))]

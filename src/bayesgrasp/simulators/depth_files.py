@@ -83,6 +83,8 @@ def _stored_array(path: Path) -> Shaped[np.ndarray, "..."]:
         raise DepthImageError(f"depth files end in {', '.join(SUFFIXES)}")
     try:
         return _png(path) if path.suffix.lower() == ".png" else _numpy(path)
+    except DepthImageError:
+        raise
     except OSError as error:
         raise DepthImageError(f"cannot be read: {error.strerror or error}") from error
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
