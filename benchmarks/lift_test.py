@@ -1,7 +1,8 @@
 """Lift tests per second, side by side in one run.
 
 Prints attempts per second from the prior with and without screening, on one process and on two, physics steps per
-second, the share of each outcome, and the largest memory of a worker.
+second, the share of each outcome, and the largest memory of a worker; and the same attempts on one process in PyBullet
+instead of MuJoCo, as a ratio.
 
     python benchmarks/lift_test.py --ycb-dir DIR [--attempts 10000] [--out results/lift_test.json]
 """
@@ -22,7 +23,7 @@ from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.data.simulate import CHUNK, Priors, Trials, draw_attempts, simulate
 from bayesgrasp.diagnostics.intervals import wilson
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.lift_test import LiftTest
+from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
 from bayesgrasp.types import Outcome
 
 
@@ -46,12 +47,13 @@ def main() -> None:
             "no screening, 1 process": rate(objects, plain, options.seed, 1, False)[0],
             "no screening, 2 processes": rate(objects, plain, options.seed, 2, False)[0],
         },
-        "physics_steps_per_second": steps_per_second(objects, options.seed),
+        "physics_steps_per_second": physics_cost(objects, options.seed, LiftTestConfig())[0],
     }
     speed, trials = rate(objects, options.attempts, options.seed, 2, True)
     report["attempts_per_second"]["screening, 2 processes"] = speed  # type: ignore[index]
     report["outcomes"] = {o.name.lower(): float((trials.outcomes == o).mean()) for o in Outcome}
     report["success_interval"] = wilson(trials.successes, len(trials.outcomes))
+    report["engines"] = engines(objects, options.attempts // 2, options.seed)
     report["memory_mib_per_worker"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     report["command"] = (
         f"python benchmarks/lift_test.py --attempts {options.attempts} --split {options.split} --ycb-dir DIR"
@@ -63,7 +65,12 @@ def main() -> None:
 
 
 def rate(
-    objects: tuple[ObjectAsset, ...], attempts: int, seed: int, workers: int, screening: bool
+    objects: tuple[ObjectAsset, ...],
+    attempts: int,
+    seed: int,
+    workers: int,
+    screening: bool,
+    config: LiftTestConfig | None = None,
 ) -> tuple[float, Trials]:
     """Attempts per second of wall-clock time, after the first chunk of every worker (which compiles models)."""
     marks: list[tuple[float, int]] = []
@@ -72,6 +79,7 @@ def rate(
         attempts + 2 * workers * CHUNK,
         seed,
         workers,
+        config=config,
         screening=screening,
         progress=lambda part: marks.append((perf_counter(), len(part.outcomes))),
     )
@@ -80,21 +88,39 @@ def rate(
     return done / (marks[-1][0] - marks[warm - 1][0]), trials
 
 
-def steps_per_second(objects: tuple[ObjectAsset, ...], seed: int) -> float:
-    """Physics steps per second of processor time while hands close on objects and lift them."""
-    lift_test = LiftTest(objects)
+def engines(objects: tuple[ObjectAsset, ...], attempts: int, seed: int) -> dict[str, object]:
+    """Both engines on the same attempts with screening, on one process, and what physics alone costs in each."""
+    report: dict[str, dict[str, float]] = {}
+    for config in (LiftTestConfig(), LiftTestConfig(engine="pybullet")):
+        steps, seconds = physics_cost(objects, seed, config)
+        report[config.engine] = {
+            "attempts_per_second": rate(objects, attempts, seed, 1, True, config)[0],
+            "physics_steps_per_second": steps,
+            "physics_cpu_seconds_per_attempt": seconds,
+        }
+    mujoco, pybullet = report["mujoco"], report["pybullet"]
+    ratio = {name: mujoco[name] / pybullet[name] for name in mujoco}
+    return {**report, "mujoco divided by pybullet": ratio}
+
+
+def physics_cost(objects: tuple[ObjectAsset, ...], seed: int, config: LiftTestConfig) -> tuple[float, float]:
+    """Steps per second of processor time while hands close on objects and lift them, and its seconds per attempt."""
     attempts = draw_attempts(1000, len(objects), Priors(), generator(seed, 10**6))
-    outcomes = lift_test.run(attempts)
+    outcomes = LiftTest(objects).run(attempts)
     touched = np.flatnonzero((outcomes == Outcome.SUCCESS) | (outcomes == Outcome.DROPPED))[:30]
-    steps = [0]
+    lift_test = LiftTest(objects, config)
+    lift_test.run(attempts[touched])  # compiles models
+    periods = [0]
 
     def count(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        steps[0] += round(lift_test.config.lift.control_period / model.opt.timestep)
+        periods[0] += 1
 
     start = process_time()
     for row in touched:
         lift_test.observe(attempts[[row]], count)
-    return steps[0] / (process_time() - start)
+    seconds = process_time() - start
+    step = config.physics.time_step if config.engine == "mujoco" else config.bullet.time_step
+    return periods[0] * config.lift.control_period / step / seconds, seconds / len(touched)
 
 
 if __name__ == "__main__":

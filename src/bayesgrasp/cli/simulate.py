@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from bayesgrasp.assets.object_asset import ObjectAsset
     from bayesgrasp.data.simulate import Trials
+    from bayesgrasp.simulators.lift_test import LiftTestConfig
 
 
 def simulate(
@@ -24,6 +25,8 @@ def simulate(
     workers: int = os.cpu_count() or 1,
     screening: bool = True,
     rotation: Literal["modes", "uniform"] = "modes",
+    engine: Literal["mujoco", "pybullet"] = "mujoco",
+    criterion: Literal["lift", "hold"] = "lift",
     json: Path | None = None,
     video: Path | None = None,
 ) -> None:
@@ -39,6 +42,8 @@ def simulate(
         workers: Processes.
         screening: Decide certain outcomes without physics (same outcomes, faster).
         rotation: The paper's prior of rotations, or uniform rotations for comparison.
+        engine: Physics of the attempts that screening cannot decide; pybullet is an optional extra of the package.
+        criterion: What success means: that the object was lifted, or that it was also held against six pushes.
         json: Write the counts to this file.
         video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
     """
@@ -46,19 +51,25 @@ def simulate(
     from bayesgrasp.data.simulate import Priors
     from bayesgrasp.data.simulate import simulate as run
     from bayesgrasp.prior.grasp import GraspPrior
+    from bayesgrasp.simulators.bullet_engine import require
+    from bayesgrasp.simulators.lift_test import LiftTestConfig
 
     _check_outputs(json, video)
+    config = LiftTestConfig(engine=engine, criterion=criterion)
+    if engine == "pybullet":
+        require()
     objects = load_objects(split, ycb_dir, mesh, mass)
     priors = replace(Priors(), grasp=GraspPrior(rotation=rotation))
     start = perf_counter()
     with _progress(attempts) as advance:
-        trials = run(objects, attempts, seed, workers, priors, screening=screening, progress=advance)
+        trials = run(objects, attempts, seed, workers, priors, config, screening, advance)
     summary = summarize(trials, objects, perf_counter() - start)
     _print_table(summary)
     if json is not None:
-        json.write_text(json_module.dumps(summary | {"seed": seed, "split": split, "rotation": rotation}, indent=2))
+        origin = {"seed": seed, "split": split, "rotation": rotation, "engine": engine, "criterion": criterion}
+        json.write_text(json_module.dumps(summary | origin, indent=2))
     if video is not None:
-        _write_video(trials, objects, video)
+        _write_video(trials, objects, config, video)
 
 
 def summarize(trials: Trials, objects: tuple[ObjectAsset, ...], seconds: float) -> dict[str, Any]:
@@ -149,7 +160,7 @@ def _print_table(summary: dict[str, Any]) -> None:
     print(f"{summary['attempts_per_second']:.0f} attempts/s ({summary['seconds']:.1f} s)")
 
 
-def _write_video(trials: Trials, objects: tuple[ObjectAsset, ...], path: Path) -> None:
+def _write_video(trials: Trials, objects: tuple[ObjectAsset, ...], config: LiftTestConfig, path: Path) -> None:
     from PIL import Image
 
     from bayesgrasp.types import Outcome
@@ -161,9 +172,9 @@ def _write_video(trials: Trials, objects: tuple[ObjectAsset, ...], path: Path) -
         return
     attempts = [trials.attempts[[row]] for row in chosen]
     if path.suffix == ".png":
-        Image.fromarray(film_sheet(objects, attempts)).save(path)
+        Image.fromarray(film_sheet(objects, attempts, config=config)).save(path)
     else:
-        frames = [Image.fromarray(f) for f in film_attempt(objects, attempts[0], frames=40)]
+        frames = [Image.fromarray(f) for f in film_attempt(objects, attempts[0], 40, config)]
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=60, loop=0)
     names = ", ".join(
         f"{objects[int(a.object_index[0])].id} ({Outcome(trials.outcomes[row]).name.lower()})"

@@ -50,9 +50,24 @@ class BulletConfig:
             )
 
 
+def require() -> ModuleType:
+    """PyBullet, which is an optional extra.
+
+    Raises:
+        InvalidConfigurationError: It is not installed.
+    """
+    try:
+        with _silent():
+            return importlib.import_module("pybullet")
+    except ImportError as error:
+        raise InvalidConfigurationError(
+            "the engine 'pybullet' needs PyBullet: pip install 'bayesgrasp[pybullet]' (or use the engine 'mujoco')"
+        ) from error
+
+
 def connect() -> Client:
     """A connection to a simulation of its own inside this process; it ends with the client."""
-    module = _import()
+    module = require()
     client = Client(module, module.connect(module.DIRECT))
     weakref.finalize(client, module.disconnect, client.number)
     return client
@@ -110,20 +125,19 @@ class BulletEngine:
 
     def advance(self, seconds: float) -> None:
         """Whole steps, with torques computed anew in each; then bring the shared state up to date."""
-        client, data = self.client, self.data
-        push = data.xfrc_applied[self._item.body, :3] + self._weight()
-        before = self.object.pose()[1]
+        client, data, robot, item = self.client, self.data, self.robot, self.object.body
+        push = (data.xfrc_applied[self._item.body, :3] + self._weight()).tolist()
+        q, speed = self._joint_states()
         for _ in range(round(seconds / self.config.time_step)):
-            q, speed = self._joint_states()
             torque, data.actuator_force[:] = self._forces(q, speed, data.ctrl)
-            client.setJointMotorControlArray(
-                self.robot.body, self.robot.joints, client.TORQUE_CONTROL, forces=torque.tolist()
-            )
-            center = client.getBasePositionAndOrientation(self.object.body)[0]
-            client.applyExternalForce(self.object.body, -1, push.tolist(), center, client.WORLD_FRAME)
+            client.setJointMotorControlArray(robot.body, robot.joints, client.TORQUE_CONTROL, forces=torque.tolist())
+            center, _ = client.getBasePositionAndOrientation(item)
+            client.applyExternalForce(item, -1, push, center, client.WORLD_FRAME)
             client.stepSimulation()
+            q, speed = self._joint_states()
         data.time += seconds
-        self._read(before, seconds)
+        data.qpos[self._qpos], data.qvel[self._dofs] = q, speed
+        self._read_object()
 
     def touching(self) -> bool:
         """Whether a link of the hand presses on the object."""
@@ -144,22 +158,12 @@ class BulletEngine:
         q, speed = np.array([state[:2] for state in states]).T
         return q, speed
 
-    def _read(self, before: np.ndarray, seconds: float) -> None:
+    def _read_object(self) -> None:
+        """Of its velocity only what is needed: the linear one, of the centre of mass."""
         data = self.data
-        data.qpos[self._qpos], data.qvel[self._dofs] = self._joint_states()
-        data.qpos[self._item.qpos], _ = self.object.pose()
+        data.qpos[self._item.qpos] = self.object.pose()
         data.qvel[self._item.qvel][:3] = self.client.getBaseVelocity(self.object.body)[0]
         mujoco.mj_kinematics(self.model, data)
-
-
-def _import() -> ModuleType:
-    try:
-        with _silent():
-            return importlib.import_module("pybullet")
-    except ImportError as error:
-        raise InvalidConfigurationError(
-            "the engine 'pybullet' needs PyBullet: pip install 'bayesgrasp[pybullet]' (or use the engine 'mujoco')"
-        ) from error
 
 
 @contextmanager

@@ -197,6 +197,7 @@ class BulletObject:
         self.client, self.model = client, model
         item = model.body(OBJECT_BODY)
         self._inertial = _pose(item.ipos, item.iquat)
+        self._inertial_inverse = np.linalg.inv(self._inertial)
         shape = _load_hulls(client, hulls, scale)
         self.body = client.createMultiBody(
             float(item.mass[0]),
@@ -222,13 +223,13 @@ class BulletObject:
         center = _pose(pose[:3], pose[3:]) @ self._inertial
         self.client.resetBasePositionAndOrientation(self.body, center[:3, 3].tolist(), _quaternion(center[:3, :3]))
 
-    def pose(self) -> tuple[Float64[np.ndarray, "7"], Float64[np.ndarray, "3"]]:
-        """Pose of the object's frame as for `put`, and the position of its centre of mass, metres in the world."""
+    def pose(self) -> Float64[np.ndarray, "7"]:
+        """Pose of the object's frame, as for `put`."""
         position, (x, y, z, w) = self.client.getBasePositionAndOrientation(self.body)
-        frame = _pose(np.array(position), np.array([w, x, y, z])) @ np.linalg.inv(self._inertial)
+        frame = _pose(np.array(position), np.array([w, x, y, z])) @ self._inertial_inverse
         quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, frame[:3, :3].ravel())
-        return np.concatenate([frame[:3, 3], quaternion]), np.array(position)
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(frame[:3, :3]).ravel())
+        return np.concatenate([frame[:3, 3], quaternion])
 
 
 def hulls_file(model: mujoco.MjModel) -> str:

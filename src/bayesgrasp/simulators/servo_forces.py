@@ -1,15 +1,16 @@
 r"""Torques that servos, tendons and springs put on the joints of the robot, for engines that know none of them.
 
-All transmissions of the model are linear in the joint angles q: a servo or tendon has length l = J q, and a force f
-along it is the torque J^T f. With the set-points u,
+Everything in the model that pulls on joints does so linearly: its length is l = J q in the joint angles q, and a force
+f along it is the torque J^T f. With the set-points u of the servos,
 
-    servo    f = clip(g u + b_0 + b_1 l + b_2 l', limits)
-    spring   f = k (l_0 - l)            of a joint or a tendon, inside its slack [l_0-, l_0+]
-    stop     f = K x - D l'             while a tendon is beyond its stop by x
-    damping  f = -d q'
+    servo    f = g u + b_0 + b_1 l + b_2 l', inside the servo's limits
+    spring   f = k (l_0 - l)                 of a joint or a tendon
+    damping  f = -d l'                       of a joint
+    stop     f = K x - D l'                  while a tendon is beyond its stop by x
 
-where every constant but K and D is the model's. A stop in MuJoCo is a constraint; here it is a spring as stiff as the
-engine's time step dt allows: with the tendon's effective inertia m, K = m / (2 dt)^2 and D = m / (2 dt).
+where every constant but K and D is the model's. The first three have one form and are evaluated as one. A tendon's stop
+is a constraint in MuJoCo; here it is a spring as stiff as the engine's time step dt allows: with the tendon's effective
+inertia m, K = m / (2 dt)^2 and D = m / (2 dt). (Stops of joints are left to the engine.)
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from jaxtyping import Float64
 
 Joints = Float64[np.ndarray, "joints"]
+Pulls = Float64[np.ndarray, "pulls"]
 
 
 class ServoForces:
@@ -33,38 +35,48 @@ class ServoForces:
     def __init__(self, model: mujoco.MjModel, joints: list[int], time_step: float) -> None:
         dofs = model.jnt_dofadr[joints]
         tendons = _tendon_lengths(model)[:, dofs]
-        self._transmission = np.array([_transmission(model, a, dofs, tendons) for a in range(model.nu)])
+        servos = np.array([_transmission(model, a, dofs, tendons) for a in range(model.nu)])
+        self._servos = len(servos)
+        self._pulls = np.concatenate([servos, np.eye(len(joints)), tendons])
+        springs = np.concatenate([model.jnt_stiffness[joints], model.tendon_stiffness])
+        rest = np.concatenate([model.qpos_spring[model.jnt_qposadr[joints]], model.tendon_lengthspring[:, 0]])
+        damping = np.concatenate([model.dof_damping[dofs], model.tendon_damping])
+        self._constant = np.concatenate([model.actuator_biasprm[:, 0], springs * rest])
+        self._stiffness = np.concatenate([-model.actuator_biasprm[:, 1], springs])
+        self._damping = np.concatenate([-model.actuator_biasprm[:, 2], damping])
         self._gain = model.actuator_gainprm[:, 0].copy()
-        self._bias = model.actuator_biasprm[:, :3].T.copy()
-        self._limits = model.actuator_forcerange.T.copy()
-        self._damping = model.dof_damping[dofs].copy()
-        sprung = model.tendon_stiffness > 0
-        self._spring = np.concatenate([np.eye(len(joints)), tendons[sprung]])
-        self._stiffness = np.concatenate([model.jnt_stiffness[joints], model.tendon_stiffness[sprung]])
-        rest = model.qpos_spring[model.jnt_qposadr[joints]]
-        self._slack = np.concatenate([np.stack([rest, rest], 1), model.tendon_lengthspring[sprung]]).T
-        stopped = model.tendon_limited.astype(bool)
-        self._stopped, self._stops = tendons[stopped], model.tendon_range[stopped].T.copy()
+        unlimited = np.full(len(springs), np.inf)
+        self._least = np.concatenate([model.actuator_forcerange[:, 0], -unlimited])
+        self._most = np.concatenate([model.actuator_forcerange[:, 1], unlimited])
+        self._set_stops(model, time_step)
+
+    def _set_stops(self, model: mujoco.MjModel, time_step: float) -> None:
+        """Tendons are the last of the pulls."""
+        stopped = np.flatnonzero(model.tendon_limited)
+        self._stopped = len(self._pulls) - model.ntendon + stopped
+        self._low, self._high = model.tendon_range[stopped].T.copy()
         inertia = 1.0 / model.tendon_invweight0[stopped]
         self._stop_stiffness = 0.25 * inertia / time_step**2
         self._stop_damping = 0.5 * inertia / time_step
 
-    def __call__(self, q: Joints, speed: Joints, targets: Float64[np.ndarray, "servos"]) -> tuple[Joints, np.ndarray]:
-        """Torques on the joints, N m, and the forces of the servos."""
-        b0, b1, b2 = self._bias
-        force = self._gain * targets + b0 + b1 * (self._transmission @ q) + b2 * (self._transmission @ speed)
-        force = np.clip(force, *self._limits)
-        length = self._spring @ q
-        stretch = np.clip(length, *self._slack) - length
-        torque = force @ self._transmission + (self._stiffness * stretch) @ self._spring - self._damping * speed
-        return torque + self._stop_force(q, speed) @ self._stopped, force
+    def __call__(self, q: Joints, speed: Joints, targets: Float64[np.ndarray, "servos"]) -> tuple[Joints, Pulls]:
+        """Torques on the joints, N m, and the forces of the servos.
 
-    def _stop_force(self, q: Joints, speed: Joints) -> np.ndarray:
-        length = self._stopped @ q
-        beyond = np.clip(length, *self._stops) - length
-        return np.where(
-            beyond != 0.0, self._stop_stiffness * beyond - self._stop_damping * (self._stopped @ speed), 0.0
-        )
+        Args:
+            q: Angles, radians.
+            speed: Their rates, rad/s.
+            targets: Set-points of the servos.
+        """
+        length, rate = self._pulls @ q, self._pulls @ speed
+        force = self._constant - self._stiffness * length - self._damping * rate
+        force[: self._servos] += self._gain * targets
+        force = np.minimum(np.maximum(force, self._least), self._most)
+        force[self._stopped] += self._stop_force(length[self._stopped], rate[self._stopped])
+        return force @ self._pulls, force[: self._servos]
+
+    def _stop_force(self, length: Pulls, rate: Pulls) -> Pulls:
+        beyond = np.minimum(np.maximum(length, self._low), self._high) - length
+        return (beyond != 0.0) * (self._stop_stiffness * beyond - self._stop_damping * rate)
 
 
 def _tendon_lengths(model: mujoco.MjModel) -> Float64[np.ndarray, "tendons dofs"]:

@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 
 from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.geometry.camera import Camera, look_at
-from bayesgrasp.simulators.lift_test import LiftTest
+from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
 from bayesgrasp.types import Attempts
 from bayesgrasp.viewer.raycast import contact_sheet, physics_meshes, render
 
@@ -19,10 +19,17 @@ _WIDTH, _HEIGHT, _FOCAL = 240, 200, 215.0
 
 
 def film_attempt(
-    objects: Sequence[ObjectAsset], attempt: Attempts, frames: int = 7
+    objects: Sequence[ObjectAsset], attempt: Attempts, frames: int = 7, config: LiftTestConfig | None = None
 ) -> list[UInt8[np.ndarray, "h w 3"]]:
-    """Frames of the first attempt, evenly spaced in time; none if it never reached physics."""
-    lift_test = LiftTest(objects)
+    """Frames of the first attempt, evenly spaced in time; none if it never reached physics.
+
+    Args:
+        objects: The object set of the attempt.
+        attempt: Its first row is filmed.
+        frames: How many.
+        config: Of the lift test, with the engine that moves what is seen.
+    """
+    lift_test = LiftTest(objects, config)
     states: list[np.ndarray] = []
     models: list[mujoco.MjModel] = []
 
@@ -46,8 +53,8 @@ def film_attempt(
 
 
 def film_sheet(
-    objects: Sequence[ObjectAsset], attempts: Sequence[Attempts], frames: int = 7
+    objects: Sequence[ObjectAsset], attempts: Sequence[Attempts], frames: int = 7, config: LiftTestConfig | None = None
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """One row of frames per attempt that reached physics."""
-    rows = [film_attempt(objects, attempt, frames) for attempt in attempts]
+    """One row of frames per attempt that reached physics; see `film_attempt`."""
+    rows = [film_attempt(objects, attempt, frames, config) for attempt in attempts]
     return contact_sheet([picture for row in rows for picture in row], frames)
