@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +18,13 @@ class Squares:
         flags: Directory of the flag files.
         deadly: This number kills its worker: once, or always.
         always: Whether it does so every time.
+        endless: This number is never done; a flag file says that it was begun.
     """
 
     flags: Path
     deadly: int = -1
     always: bool = False
+    endless: int = -1
 
     def __call__(self) -> Callable[[int], int]:
         (self.flags / f"worker-{os.getpid()}").touch()
@@ -34,6 +37,9 @@ class Squares:
         if number == self.deadly and (self.always or not flag.exists()):
             flag.touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        while number == self.endless:
+            (self.flags / "endless").touch()
+            time.sleep(0.01)
         return number**2
 
 

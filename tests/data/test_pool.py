@@ -19,9 +19,9 @@ from pathlib import Path
 import fake_tasks
 from bayesgrasp.data.pool import LocalPool
 if __name__ == "__main__":
-    with LocalPool(1).start(fake_tasks.Squares(Path(sys.argv[1]))) as run:
-        for square in run(range(10**12)):
-            Path(sys.argv[1], "first").touch()
+    with LocalPool(1).start(fake_tasks.Squares(Path(sys.argv[1]), endless=3)) as run:
+        for square in run(range(10)):
+            pass
 """
 
 
@@ -57,12 +57,13 @@ def test_a_task_that_always_kills_is_given_up(tmp_path: Path) -> None:
         list(run(range(10)))
 
 
-def test_workers_end_with_their_owner(tmp_path: Path) -> None:
+def test_workers_end_with_their_owner_in_the_middle_of_a_task(tmp_path: Path) -> None:
     script = tmp_path / "owner.py"
     script.write_text(OWNER)
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"PYTHONPATH": path}
     owner = subprocess.Popen([sys.executable, script, tmp_path], env=environment)
-    wait_for(lambda: (tmp_path / "first").exists())
+    wait_for(lambda: (tmp_path / "endless").exists())
     (worker,) = fake_tasks.workers(tmp_path)
     assert alive(worker)
     owner.send_signal(signal.SIGKILL)

@@ -2,8 +2,8 @@
 
 Each worker talks to the owner through a pipe of its own and holds no other end of any pipe. So a worker that is killed
 (the kernel's memory killer is the usual one) is noticed by its sentinel, replaced, and its task given out again; and a
-worker whose owner is killed reads an end of file and leaves. `concurrent.futures` gives up in the first case and leaves
-orphans in the second.
+worker whose owner is killed leaves at once, in the middle of its task. `concurrent.futures` gives up in the first case
+and leaves orphans in the second.
 
 Results come back as they are ready. Nothing may depend on their order.
 """
@@ -11,7 +11,9 @@ Results come back as they are ready. Nothing may depend on their order.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -186,6 +188,7 @@ class _Shift(Generic[Task, Result]):
 
 def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:
     """What a worker process does: build once, then answer tasks until the owner is gone."""
+    threading.Thread(target=_leave_with_owner, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's to handle
     torch.set_num_threads(1)
     work: Work[Any, Any] | None = None
@@ -203,3 +206,11 @@ def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:
             pipe.send(answer)
         except (BrokenPipeError, ConnectionResetError):
             return
+
+
+def _leave_with_owner() -> None:
+    """End this process as soon as the one that started it has ended; nobody wants the task that is under way."""
+    owner = multiprocessing.parent_process()
+    if owner is not None:
+        wait([owner.sentinel])
+        os._exit(1)
