@@ -1,19 +1,23 @@
 """Speed of the data engine, in one run: end to end, per stage, the loader, and bytes per record.
 
-    python benchmarks/generate.py [--attempts 8192] [--ycb-dir DIR] [--split train] [--proposal prior|adaptive]
+    python benchmarks/generate.py [--attempts 16384] [--ycb-dir DIR] [--proposal prior|adaptive] [--json FILE]
 
-Rates are printed by the wall clock, for a machine that does nothing else, and by the processor time of all workers,
-which holds on a busy machine too. Pairs are hands of scenes that stand for something (weight above 0).
+Rates are by the wall clock, for a machine that does nothing else, and by the processor time of all workers, which holds
+on a busy machine too. Pairs are hands of scenes that stand for something (weight above 0). Draws are as `generate`
+makes them by default; chunks are smaller, so that two workers share a small set evenly. How memory grows with the set
+is in `benchmarks/generate_memory.py`.
 """
 
 from __future__ import annotations
 
+import json
 import resource
+import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -30,6 +34,9 @@ from bayesgrasp.data.shards import encode
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.types import CameraNuisances, Scenes
 
+EPOCHS = 20
+"""Passes over the images, to time the loader."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -42,14 +49,16 @@ class Options:
         proposal: See `bayesgrasp generate`.
         first_round: Chunks of the adaptive proposal's first round.
         workers: Numbers of worker processes to compare.
+        json: Where to write the numbers.
     """
 
-    attempts: int = 8192
+    attempts: int = 16384
     split: str = "train"
     ycb_dir: Path | None = None
     proposal: Literal["prior", "adaptive"] = "prior"
     first_round: int = 1
     workers: tuple[int, ...] = (1, 2)
+    json: Path | None = None
 
 
 def main(options: Options) -> None:
@@ -62,16 +71,26 @@ def main(options: Options) -> None:
         draws_per_chunk=4,
         adaptive=AdaptiveConfig(first_round=options.first_round),
     )
-    print(f"{len(world.objects)} objects, {options.attempts} attempts, proposal {options.proposal}")
-    stages(world, config, scene)
+    report: dict[str, Any] = {
+        "command": " ".join(sys.argv),
+        "objects": len(world.objects),
+        "attempts": options.attempts,
+        "proposal": options.proposal,
+        "stages": stages(world, config, scene),
+        "workers": {},
+    }
     with tempfile.TemporaryDirectory() as folder:
         for workers in options.workers:
             directory = Path(folder) / str(workers)
-            end_to_end(directory, world, config, scene, options.attempts, workers)
-        loading(directory)
+            report["workers"][workers] = end_to_end(directory, world, config, scene, options.attempts, workers)
+        report["loader"] = loading(directory)
+    text = json.dumps(report, indent=1)
+    print(text)
+    if options.json is not None:
+        options.json.write_text(text + "\n")
 
 
-def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> None:
+def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> dict[str, float]:
     """Processor time of each stage of a chunk."""
     maker = ChunkMaker(world(), config, 0, scene)
     prior = Proposal.prior(scene.num_objects)
@@ -93,17 +112,21 @@ def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> 
     clock.append(time.process_time())
     propose, lift, whole, render, store = np.diff(clock)
     n, m = len(chunk.attempts), len(chunk.scenes)
-    print(f"propose  {propose / n * 1e6:8.0f} us an attempt (prior)")
-    print(f"lift     {lift / n * 1e6:8.0f} us an attempt: {n / lift:.0f}/s")
-    print(f"pair     {(whole - propose - lift - render) / m * 1e3:8.2f} ms a scene of {config.pairing.hands} hands")
-    print(f"render   {render / m * 1e3:8.2f} ms a scene: {m / render:.0f}/s")
-    print(f"encode   {store / n * 1e6:8.0f} us an attempt with its share of scenes")
+    return {
+        "propose (prior), us an attempt": propose / n * 1e6,
+        "lift test, us an attempt": lift / n * 1e6,
+        "lift tests per second": n / lift,
+        "choose and move hands, ms a scene": (whole - propose - lift - render) / m * 1e3,
+        "render, ms a scene": render / m * 1e3,
+        "images per second": m / render,
+        "encode, us an attempt with its share of scenes": store / n * 1e6,
+    }
 
 
 def end_to_end(
     directory: Path, world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior, attempts: int, workers: int
-) -> None:
-    """One whole run, with its start."""
+) -> dict[str, float]:
+    """One whole run, with its start: by the wall clock, and per second of processor time."""
     store = open_store(directory, describe(world, config, 0, scene, attempts), False)
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     own = time.process_time()
@@ -113,32 +136,35 @@ def end_to_end(
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime + time.process_time() - own
     successes = manifest.totals["outcomes"]["success"]
     pairs = sum(int((store.chunk(chunk).hands.weight > 0).sum()) for chunk in store.entries())
-    print(
-        f"{workers} worker(s): {wall:.1f} s, {attempts / wall:.0f} attempts/s, {successes / wall:.1f} successes/s, "
-        f"{pairs / wall:.0f} pairs/s; processor {cpu:.1f} s: {attempts / cpu:.0f} attempts/s, "
-        f"{successes / cpu:.1f} successes/s, {pairs / cpu:.0f} pairs/s per core; "
-        f"largest worker so far {after.ru_maxrss / 2**10:.0f} MiB"
-    )
+    counts = {"attempts": attempts, "successes": successes, "pairs": pairs}
+    return {
+        "seconds": wall,
+        "processor seconds": cpu,
+        **{f"{name} per second": count / wall for name, count in counts.items()},
+        **{f"{name} per processor second": count / cpu for name, count in counts.items()},
+        "largest worker so far, MiB": after.ru_maxrss / 2**10,
+    }
 
 
-def loading(directory: Path) -> None:
+def loading(directory: Path) -> dict[str, float]:
     """Bytes per record, and images per second from the memory map."""
     dataset = GraspDataset(directory)
     attempts = sum(entry.attempts for entry in dataset.entries.values())
     scenes = sum(entry.scenes for entry in dataset.entries.values())
-    for table, rows in (("attempts", attempts), ("scenes", scenes)):
-        size = sum(path.stat().st_size for path in (directory / table).iterdir())
-        print(f"{table}: {size / rows:.1f} bytes a record")
+    report = {
+        f"bytes of {table} a record": sum(path.stat().st_size for path in (directory / table).iterdir()) / rows
+        for table, rows in (("attempts", attempts), ("scenes", scenes))
+    }
     start = time.process_time()
     loader = dataset.scenes("all", batch_size=64)
-    print(f"unpack: {scenes / (time.process_time() - start):.0f} images/s")
+    report["images unpacked per second"] = scenes / (time.process_time() - start)
     start = time.process_time()
-    epochs = 20
-    for epoch in range(epochs):
+    for epoch in range(EPOCHS):
         for _ in loader(epoch):
             pass
-    print(f"load: {epochs * scenes / (time.process_time() - start):.0f} images/s (from a warm page cache)")
-    print(f"this process at its largest: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10:.0f} MiB")
+    report["images loaded per second (warm page cache)"] = EPOCHS * scenes / (time.process_time() - start)
+    report["this process at its largest, MiB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+    return report
 
 
 if __name__ == "__main__":
