@@ -22,15 +22,19 @@ CONFIG = replace(fake_world.SMALL, proposal="prior", attempts_per_draw=TRIES, dr
 
 def from_image() -> Proposer:
     """The fake image carries the object's x; the hand goes there."""
+    return lambda shown, count, rng: hands_at(shown.images[:, 30, 5] - 0.6, count, rng)
 
-    def propose(images: np.ndarray, count: int, rng: np.random.Generator) -> Hands:
-        hands = GraspPrior().sample(len(images) * count, rng)
-        position = hands.position.reshape(len(images), count, 3)
-        position[..., 0] = torch.from_numpy(images[:, 30, 5] - 0.6)[:, None]
-        rotation, types = hands.rotation.reshape(len(images), count, 3, 3), hands.grasp_type.reshape(-1, count)
-        return Hands(position, rotation, types)
 
-    return propose
+def from_object() -> Proposer:
+    """The object's x is known, and the friction too: the hand goes to their sum."""
+    return lambda shown, count, rng: hands_at(shown.scenes.object_pose[:, 0] + 0.01 * shown.friction, count, rng)
+
+
+def hands_at(x: np.ndarray, count: int, rng: np.random.Generator) -> Hands:
+    hands = GraspPrior().sample(len(x) * count, rng)
+    position = hands.position.reshape(len(x), count, 3)
+    position[..., 0] = torch.from_numpy(x)[:, None]
+    return Hands(position, hands.rotation.reshape(len(x), count, 3, 3), hands.grasp_type.reshape(-1, count))
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +77,24 @@ def test_outcomes_are_of_the_object_in_the_image(practised: Path) -> None:
     outcome = fake_world.lift_test(attempts)
     np.testing.assert_array_equal(flat("outcome"), outcome)
     assert len(set(outcome)) > 1
+
+
+def test_an_object_s_hands_share_the_friction_that_they_were_proposed_for(tmp_path: Path) -> None:
+    recipe = PracticeRecipe(fake_world.FakeWorld(), CONFIG, 3, ScenePrior(fake_world.OBJECTS), from_object, "object")
+    store = open_store(tmp_path, fake_world.manifest(TRIES * SCENES, seed=3), resume=False)
+    Run(store, recipe, TRIES * SCENES).execute(InProcess())
+    columns = GraspDataset(tmp_path).scene_columns
+    friction = columns["hand_lateral_friction"]
+    assert (friction == friction[:, :1]).all()
+    assert len(np.unique(friction)) == SCENES
+    expected = columns["object_pose"][:, :1] + 0.01 * friction
+    np.testing.assert_allclose(columns["hand_position"][..., 0], expected, atol=1e-6)
+
+
+def test_a_set_says_what_its_hands_were_proposed_from() -> None:
+    manifest = fake_world.manifest()
+    assert manifest.given == "image"
+    assert replace(manifest, config={"practice": {"given": "object"}}).given == "object"
 
 
 def test_the_same_seed_gives_the_same_records(practised: Path, tmp_path: Path) -> None:

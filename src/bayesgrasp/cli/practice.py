@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from bayesgrasp.data.practice import Proposer
+    from bayesgrasp.data.practice import Proposer, Shown
+    from bayesgrasp.posterior.potential import LogDensity
     from bayesgrasp.types import Hands
 
 COPIES = 7
@@ -29,11 +31,13 @@ def practice(
     ycb_dir: Path | None = None,
     copies: int = 0,
     stretch: float = 1.3,
+    estimator: Literal["success", "full"] = "success",
 ) -> None:
-    """Try the hands that a model proposes for new images, and keep the outcomes as training data.
+    """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
 
     Give the result to `bayesgrasp train` beside the data that the model was trained on: the next model knows where the
-    first one was wrong in its own favour.
+    first one was wrong in its own favour. Practice of `success` teaches `success` and `full`, that of `full` only
+    `full`.
 
     Args:
         model: Directory of the model.
@@ -47,6 +51,7 @@ def practice(
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         copies: Stretched copies of each object that are practised on beside it, for more shapes than there are scans.
         stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
+        estimator: Which estimator proposes: success (it sees the image) or full (it knows object, pose and friction).
     """
     from bayesgrasp.assets.catalogue import load_objects
     from bayesgrasp.assets.stretch import StretchConfig, with_copies
@@ -73,16 +78,35 @@ def practice(
     objects = with_copies(load_objects(split, ycb_dir), StretchConfig(copies, stretch), generator(seed, COPIES))
     world = SimulatedWorld(objects)
     scene = ScenePrior(len(world.objects))
-    recipe = PracticeRecipe(world, config, seed, scene, ModelProposer(model.resolve()))
-    store = open_store(out, describe(world, config, seed, scene, scenes * tries), resume)
+    manifest = describe(world, config, seed, scene, scenes * tries)
+    proposer: ImageProposer | ObjectProposer = ImageProposer(model.resolve())
+    if estimator == "full":
+        _check_objects(model, tuple(asset.id for asset in objects))
+        proposer = ObjectProposer(model.resolve())
+        manifest = replace(manifest, config=manifest.config | {"practice": {"given": "object"}})
+    recipe = PracticeRecipe(world, config, seed, scene, proposer, manifest.given)
+    store = open_store(out, manifest, resume)
     with progress_bar(scenes * tries) as observe:
-        manifest = Run(store, recipe, scenes * tries, observe).execute(LocalPool(workers))
-    print_summary(manifest, out)
+        finished = Run(store, recipe, scenes * tries, observe).execute(LocalPool(workers))
+    print_summary(finished, out)
+
+
+def _check_objects(model: Path, ids: tuple[str, ...]) -> None:
+    """An estimator that is told the mesh by its number must have been trained on the same objects."""
+    from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.ratio.checkpoint import read_card
+
+    known = tuple(read_card(model).get("objects", ()))
+    if known != ids:
+        raise InvalidConfigurationError(
+            f"the full-observation estimator of {model} knows the objects {', '.join(known) or 'of no list'}; practise "
+            "on the split that it was trained on, with --copies 0"
+        )
 
 
 @dataclass(frozen=True)
-class ModelProposer:
-    """Loads a model in the worker that uses it.
+class ImageProposer:
+    """q(h | i) of a model, loaded in the worker that uses it.
 
     Attributes:
         directory: Of the model.
@@ -94,21 +118,48 @@ class ModelProposer:
         """The proposer."""
         import torch
 
-        from bayesgrasp.posterior.practice import practice_hands
-        from bayesgrasp.prior.grasp import GraspPrior
         from bayesgrasp.ratio.checkpoint import load_model
-        from bayesgrasp.types import Hands
 
-        model, prior = load_model(self.directory), GraspPrior()
+        model = load_model(self.directory)
 
-        def propose(images: np.ndarray, count: int, rng: np.random.Generator) -> Hands:
-            hands = [
-                practice_hands(model.given_image(torch.from_numpy(image)[None]), prior, count, rng) for image in images
-            ]
-            return Hands(
-                torch.stack([h.position for h in hands]),
-                torch.stack([h.rotation for h in hands]),
-                torch.stack([h.grasp_type for h in hands]),
-            )
+        def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
+            return _propose([model.given_image(torch.from_numpy(image)[None]) for image in shown.images], count, rng)
 
         return propose
+
+
+@dataclass(frozen=True)
+class ObjectProposer:
+    """q(h | O, p_O, beta, mu) of a model, loaded in the worker that uses it.
+
+    Attributes:
+        directory: Of the model.
+    """
+
+    directory: Path
+
+    def __call__(self) -> Proposer:
+        """The proposer."""
+        from bayesgrasp.ratio.checkpoint import load_model
+
+        model = load_model(self.directory)
+
+        def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
+            scenes = shown.scenes
+            known = zip(scenes.object_index, scenes.scale, scenes.object_pose, shown.friction, strict=True)
+            ratios = [model.given_object(int(o), float(s), (p[0], p[1], p[2]), float(mu)) for o, s, p, mu in known]
+            return _propose(ratios, count, rng)
+
+        return propose
+
+
+def _propose(ratios: Sequence[LogDensity], count: int, rng: np.random.Generator) -> Hands:
+    """Hands for each scene, (n, count), by the log-ratio of each."""
+    import torch
+
+    from bayesgrasp.posterior.practice import practice_hands
+    from bayesgrasp.prior.grasp import GraspPrior
+    from bayesgrasp.types import Hands
+
+    hands = [practice_hands(ratio, GraspPrior(), count, rng) for ratio in ratios]
+    return Hands(*(torch.stack([getattr(h, name) for h in hands]) for name in ("position", "rotation", "grasp_type")))

@@ -20,8 +20,8 @@ def sources_by_part(
 ) -> Callable[[Part], Sources]:
     """What each estimator learns from, and what it is validated on.
 
-    r(S | h) learns from attempts; the estimators of p(S = 1 | ., h) from scenes and from practice, the one that is told
-    the mesh only from practice on meshes of the data set; the others from scenes.
+    r(S | h) learns from attempts; p(S = 1 | i, h) from scenes and from practice whose hands knew the image alone; the
+    estimator that is told the mesh from scenes and from all practice on meshes of the data set; the others from scenes.
 
     Args:
         dataset: Draws from the prior, or weighted to it.
@@ -37,10 +37,12 @@ def sources_by_part(
         if isinstance(part.objective, MetricObjective):
             return refreshed_attempts(dataset, planar_refresh(dataset), seed=seed)
         base = sources(dataset, batch_size, seed)
-        if not practice or not isinstance(part.objective, SuccessObjective):
-            return base
-        known = dataset.object_ids if isinstance(part.objective, FullObjective) else None
-        return with_practice(base, practice, batch_size, seed, known)
+        if isinstance(part.objective, FullObjective):
+            return with_practice(base, practice, batch_size, seed, dataset.object_ids)
+        if isinstance(part.objective, SuccessObjective):
+            seen = [one for one in practice if one.manifest.given == "image"]
+            return with_practice(base, seen, batch_size, seed)
+        return base
 
     return choose
 

@@ -1,4 +1,4 @@
-r"""Practice: attempts at the hands that a model itself proposes for an image.
+r"""Practice: attempts at the hands that a model itself proposes for a scene.
 
 A classifier that was trained on draws from the prior and near successes is asked for its maximum later, and a search
 finds the places where it is wrong in its own favour. Here the hands of a scene come from q(h | i), whatever a proposer
@@ -9,12 +9,16 @@ depends on the scene through the image alone:
 
 So these pairs may be added to the training of p(S = 1 | i, h), with ``selection_weight`` 1. They do not follow the
 prior, and q has no known density: ``weight`` is 0, and estimators that need densities learn nothing from them.
+
+The full-observation estimator proposes from what it is told, q(h | O, p_O, beta, mu), with one friction for all hands
+of a scene. By the same argument these pairs teach p(S = 1 | O, p_O, beta, mu, h). They do not teach p(S = 1 | i, h):
+such hands know more of the object than its image shows. The manifest says which (`Manifest.given`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32
@@ -24,6 +28,7 @@ from bayesgrasp.data.generate import DATA, GenerateConfig, World
 from bayesgrasp.data.images import to_units
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
+from bayesgrasp.data.store import Given
 from bayesgrasp.geometry import so3
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import generator
@@ -32,8 +37,24 @@ from bayesgrasp.types import Attempts, Hands, Scenes
 PRACTICE = 6
 """Random stream: ``generator(seed, DATA, PRACTICE, chunk)``."""
 
-Proposer = Callable[[Float32[np.ndarray, "n 160 256"], int, np.random.Generator], Hands]
-"""q(h | i): hands of batch shape (n, k) for n depth images in metres, k for each."""
+
+@dataclass(frozen=True)
+class Shown:
+    """What a proposer is shown of n scenes; it must look at what its set is said to be given, and at nothing else.
+
+    Attributes:
+        images: Depth in metres, 0 = no return.
+        scenes: O, beta and p_O.
+        friction: Lateral friction coefficient.
+    """
+
+    images: Float32[np.ndarray, "n 160 256"]
+    scenes: Scenes
+    friction: Float32[np.ndarray, "n"]
+
+
+Proposer = Callable[[Shown, int, np.random.Generator], Hands]
+"""q(h | i) or q(h | O, p_O, beta, mu): hands of batch shape (n, k) for n scenes, k for each."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +63,15 @@ class PracticeRecipe(Recipe):
 
     Attributes:
         propose: Makes the proposer, once in each worker.
+        given: What it looks at.
     """
 
     propose: Callable[[], Proposer]
+    given: Given = "image"
 
     def __call__(self) -> Callable[[Task], Done]:
         """The function that a worker runs for every task."""
-        maker = PracticeMaker(self.build(), self.propose(), self.config, self.seed, self.scene)
+        maker = PracticeMaker(self.build(), self.propose(), self.config, self.seed, self.scene, self.given)
         return lambda task: finish(maker.make(task.chunk, task.rows), task.chunk)
 
 
@@ -57,14 +80,24 @@ class PracticeMaker:
 
     Args:
         world: The simulators.
-        propose: q(h | i).
+        propose: q(h | i) or q(h | O, p_O, beta, mu).
         config: Sizes and priors; ``scenes_per_draw`` is 1.
         seed: Of the data set.
         scene: p(O) p(p_O).
+        given: What the proposer looks at.
     """
 
-    def __init__(self, world: World, propose: Proposer, config: GenerateConfig, seed: int, scene: ScenePrior) -> None:
+    def __init__(
+        self,
+        world: World,
+        propose: Proposer,
+        config: GenerateConfig,
+        seed: int,
+        scene: ScenePrior,
+        given: Given = "image",
+    ) -> None:
         self.world, self.propose, self.config, self.seed, self.scene = world, propose, config, seed, scene
+        self.given = given
 
     def make(self, chunk: int, rows: int) -> Chunk:
         """The first ``rows`` attempts of a chunk, in whole scenes."""
@@ -72,7 +105,11 @@ class PracticeMaker:
         count, tries = -(-rows // self.config.attempts_per_draw), self.config.attempts_per_draw
         scenes, cameras = self.scene.sample(count, rng), self.config.camera.sample(count, rng)
         image = self.world.render(scenes, cameras, rng)
-        attempts = self._attempts(scenes[np.repeat(np.arange(count), tries)], self.propose(image, tries, rng), rng)
+        friction = self.config.nuisance.sample(count, generator(self.seed, DATA, PRACTICE, chunk, 1)).lateral_friction
+        proposed = self.propose(Shown(image, scenes, friction), tries, rng)
+        attempts = self._attempts(scenes[np.repeat(np.arange(count), tries)], proposed, rng)
+        if self.given == "object":
+            attempts = replace(attempts, lateral_friction=np.repeat(friction, tries))
         draw = chunk * self.config.draws_per_chunk + np.arange(count)
         records = AttemptRecords(
             **attempts.columns(),

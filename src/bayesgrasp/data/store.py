@@ -23,13 +23,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from bayesgrasp.data.schema import SCHEMA_VERSION, AttemptRecords
 from bayesgrasp.data.shards import Chunk, Shard, decode, read_attempts
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 
 TABLES = ("attempts", "scenes")
+
+
+Given = Literal["image", "object"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,11 @@ class Manifest:
             raise InvalidConfigurationError(f"the number of attempts must be at least 1, got {self.attempts}")
         if self.seed < 0:
             raise InvalidConfigurationError(f"the seed must be at least 0, got {self.seed}")
+
+    @property
+    def given(self) -> Given:
+        """What the hands of a set of practice were proposed from (`data.practice`)."""
+        return "object" if self.config.get("practice") == {"given": "object"} else "image"
 
     @property
     def identity(self) -> dict[str, Any]:

@@ -108,7 +108,7 @@ def with_practice(
 
     Args:
         base: Of the data set.
-        practice: Sets of practice.
+        practice: Sets of practice; without any, the base as it is.
         batch_size: Scenes in a batch.
         seed: Of their order.
         known: Only practice on these meshes, for an estimator that is told the mesh; on all of them if None.
@@ -116,6 +116,8 @@ def with_practice(
     Raises:
         DataError: A set of practice has other meshes in these places, so an index would mean two things.
     """
+    if not practice:
+        return base
     for dataset in practice:
         if known is not None and dataset.object_ids[: len(known)] != known:
             raise DataError(

@@ -1,0 +1,71 @@
+"""What each estimator learns from: attempts, scenes, and only the practice whose hands knew no more than it is told."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bayesgrasp.cli.training import sources_by_part
+from bayesgrasp.data.attempts import RefreshedAttempts
+from bayesgrasp.data.engine import Run, open_store
+from bayesgrasp.data.generate import GenerateConfig
+from bayesgrasp.data.loader import GraspDataset
+from bayesgrasp.data.pool import InProcess
+from bayesgrasp.data.store import Manifest
+from bayesgrasp.errors import DataError
+from bayesgrasp.ratio.presets import Role, Setup, preset
+
+sys.path.append(str(Path(__file__).parents[1] / "data"))
+import fake_world
+
+BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
+CONFIG = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
+SMALL = GenerateConfig(proposal="prior", attempts_per_draw=16, scenes_per_draw=1, draws_per_chunk=20)
+BASE = replace(fake_world.manifest(), config=CONFIG)
+
+
+def made(directory: Path, manifest: Manifest) -> GraspDataset:
+    Run(open_store(directory, manifest, False), fake_world.recipe(SMALL), 16 * 60).execute(InProcess())
+    return GraspDataset(directory)
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
+    return made(tmp_path_factory.mktemp("base") / "data", BASE)
+
+
+@pytest.fixture(scope="module")
+def practice(tmp_path_factory: pytest.TempPathFactory) -> list[GraspDataset]:
+    """One set whose hands knew the image, one whose hands knew the object, one on a fourth object too."""
+    directory = tmp_path_factory.mktemp("practice")
+    told = replace(BASE, config=CONFIG | {"practice": {"given": "object"}})
+    more = replace(BASE, objects=[*BASE.objects, {"id": "copy", "sha256": "", "split": "train", "mass_kg": 0.1}])
+    return [made(directory / str(number), manifest) for number, manifest in enumerate((BASE, told, more))]
+
+
+def batches(base: GraspDataset, practice: list[GraspDataset], role: Role) -> int:
+    (part,) = preset("best", Setup(objects=fake_world.OBJECTS), (role,))
+    return len(sources_by_part(base, practice, 4, 0)(part)[0])
+
+
+def test_the_ratio_of_success_alone_learns_from_attempts(base: GraspDataset) -> None:
+    (part,) = preset("best", Setup(), ("metric",))
+    training, held_out = sources_by_part(base, (), 4, 0)(part)
+    assert isinstance(training, RefreshedAttempts)
+    assert isinstance(held_out, RefreshedAttempts)
+
+
+@pytest.mark.parametrize(("role", "times"), [("image", 1), ("joint", 1), ("success", 3), ("full", 4)])
+def test_practice_goes_where_it_is_right(
+    base: GraspDataset, practice: list[GraspDataset], role: Role, times: int
+) -> None:
+    """Ratios of densities learn from none, p(S=1 | i, h) not from hands that knew the object, `full` from all."""
+    assert batches(base, practice, role) == times * batches(base, [], role)
+
+
+def test_an_estimator_told_the_mesh_refuses_practice_with_other_meshes(base: GraspDataset, tmp_path: Path) -> None:
+    other = made(tmp_path / "other", replace(BASE, objects=BASE.objects[::-1]))
+    assert batches(base, [other], "success") > batches(base, [], "success")
+    with pytest.raises(DataError, match="other objects"):
+        batches(base, [other], "full")
