@@ -6,11 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from bayesgrasp.data.effective import Effective
     from bayesgrasp.data.loader import GraspDataset
 
 
 def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, seed: int = 0) -> None:
-    """Print the manifest, the outcomes, the success of each object and the disk use, and draw a sheet of images.
+    """Print the manifest, the outcomes, the success of each object, what its hands are worth and the disk use.
+
+    Successful hands of scenes are counted, and how many independent ones they are worth by their weights: `weight` is
+    for ratios of densities, `selection` for p(S=1 | i, h). A sheet of images with successful hands is drawn as well.
 
     Args:
         directory: Of the data set.
@@ -32,6 +36,7 @@ def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, se
     print(f"{counts['scenes']} images")
     _print_disk(directory, counts["attempts"], counts["scenes"])
     if counts["scenes"]:
+        _print_effective(dataset)
         _draw(dataset, sheet or directory / "sheet.png", seed)
 
 
@@ -80,6 +85,27 @@ def _prior_rates(dataset: GraspDataset) -> dict[int, float]:
         tried += np.bincount(records.object_index, weight, objects)
         held += np.bincount(records.object_index, weight * (records.outcome == Outcome.SUCCESS), objects)
     return {index: float(held[index] / tried[index]) for index in range(objects) if tried[index] > 0}
+
+
+def _print_effective(dataset: GraspDataset) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from bayesgrasp.data.effective import effective_successes
+
+    columns = ("successful hands", "worth by weight", "by selection", "of attempts", "worth by weight", "by selection")
+    table = Table("object", *columns)
+    for index, name in enumerate(dataset.object_ids):
+        table.add_row(name, *_numbers(effective_successes(dataset.scene_columns, index)))
+    table.add_section()
+    table.add_row("all", *_numbers(effective_successes(dataset.scene_columns)))
+    Console(width=max(Console().width, 130)).print(table)
+
+
+def _numbers(effective: Effective) -> list[str]:
+    from dataclasses import astuple
+
+    return [f"{value:.0f}" for value in astuple(effective)]
 
 
 def _print_disk(directory: Path, attempts: int, scenes: int) -> None:
