@@ -16,7 +16,7 @@ OPTIONS = {"seed": 3, "split": "household_drink_can", "attempts_per_draw": 40, "
 
 def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "set"
-    generate(100, out, workers=1, **OPTIONS)  # type: ignore[arg-type]
+    generate(100, out, workers=1, scenes_per_draw=2, **OPTIONS)  # type: ignore[arg-type]
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["totals"]["attempts"] == 100 == sum(manifest["totals"]["outcomes"].values())
     assert manifest["objects"][0]["id"] == "household_drink_can"
@@ -51,3 +51,15 @@ def test_wrong_options_are_one_clear_error(tmp_path: Path, capsys: pytest.Captur
     refused([*base[:2], "0", *base[3:]], "attempts must be at least 1", capsys)
     refused(["data", "inspect", "--directory", str(tmp_path)], "holds no data set", capsys)
     assert not (tmp_path / "x").exists()
+
+
+def test_a_set_of_an_older_schema_is_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old = tmp_path / "old"
+    old.mkdir()
+    (old / "manifest.json").write_text(json.dumps({"schema_version": 1, "seed": 1}))
+    message = "has schema version 1; this version of bayesgrasp reads 2"
+    refused(["data", "inspect", "--directory", str(old)], message, capsys)
+    refused(["train", "--data", str(old), "--out", str(tmp_path / "model")], message, capsys)
+    resumed = ["generate", "--attempts", "10", "--out", str(old), "--split", "household_drink_can", "--resume"]
+    refused(resumed, message, capsys)
+    assert [path.name for path in tmp_path.rglob("*")] == ["old", "manifest.json"]

@@ -59,7 +59,11 @@ class FakeWorld:
 
 
 SMALL = GenerateConfig(
-    attempts_per_draw=32, scenes_per_draw=1, draws_per_chunk=4, adaptive=AdaptiveConfig(first_round=2, rounds=2)
+    proposal="adaptive",
+    attempts_per_draw=32,
+    scenes_per_draw=1,
+    draws_per_chunk=4,
+    adaptive=AdaptiveConfig(first_round=2, rounds=2),
 )
 
 

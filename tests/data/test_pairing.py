@@ -52,7 +52,7 @@ def pilot() -> AttemptRecords:
 @pytest.fixture(scope="module", params=[0.5, 1.0], ids=lambda t: f"tempering {t}")
 def paired(request: pytest.FixtureRequest, pilot: AttemptRecords) -> tuple[HandRecords, np.ndarray]:
     """Hands of one scene for each of many draws, and the object pose of each."""
-    settings = GenerateConfig(attempts_per_draw=64, draws_per_chunk=160, scenes_per_draw=1)
+    settings = GenerateConfig(proposal="adaptive", attempts_per_draw=64, draws_per_chunk=160, scenes_per_draw=1)
     proposal = learn(pilot, fake_world.OBJECTS, AdaptiveConfig(max_kernels=64), np.random.default_rng(0))
     attempts = records(settings, 0, proposal)
     refresh = PlanarRefresh(settings.grasp, SCENE, fake_world.reachable)

@@ -19,6 +19,7 @@ WORLD = World(fake_world.lift_test, fake_world.render, fake_world.reachable)
 
 def config(**adaptive: float) -> GenerateConfig:
     return GenerateConfig(
+        proposal="adaptive",
         attempts_per_draw=200,
         draws_per_chunk=120,
         scenes_per_draw=0,

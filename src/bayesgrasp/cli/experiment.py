@@ -119,7 +119,9 @@ class Experiment:
             resume=True,
             split=self.scale.split,
             ycb_dir=self.ycb_dir,
+            proposal="adaptive",
             attempts_per_draw=self.scale.attempts_per_draw,
+            scenes_per_draw=2,
         )
 
     def train(self) -> None:

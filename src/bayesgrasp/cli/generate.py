@@ -28,10 +28,10 @@ def generate(
     ycb_dir: Path | None = None,
     mesh: Path | None = None,
     mass: float | None = None,
-    proposal: Literal["prior", "adaptive"] = "adaptive",
+    proposal: Literal["prior", "adaptive"] = "prior",
     prior_share: float = 0.5,
-    attempts_per_draw: int = 128,
-    scenes_per_draw: int = 2,
+    attempts_per_draw: int = 256,
+    scenes_per_draw: int = 8,
     draws_per_chunk: int = 16,
     hands: int = 32,
 ) -> None:

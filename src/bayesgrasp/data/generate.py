@@ -87,7 +87,8 @@ class GenerateConfig:
     """What is drawn and how much of it; with the seed, the objects and the simulators it fixes every record.
 
     Attributes:
-        proposal: "prior" draws hands and objects from the prior, "adaptive" also near earlier successes.
+        proposal: "prior" draws hands and objects from the prior, "adaptive" also near earlier successes; `docs/data.md`
+            compares what a second of simulation gives.
         attempts_per_draw: A, attempts for each drawn (mesh, beta).
         scenes_per_draw: M, images for each.
         draws_per_chunk: Draws in a unit of work.
@@ -99,9 +100,9 @@ class GenerateConfig:
         InvalidConfigurationError: A count below its least value.
     """
 
-    proposal: Literal["prior", "adaptive"] = "adaptive"
-    attempts_per_draw: int = 128
-    scenes_per_draw: int = 2
+    proposal: Literal["prior", "adaptive"] = "prior"
+    attempts_per_draw: int = 256
+    scenes_per_draw: int = 8
     draws_per_chunk: int = 16
     adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
     pairing: PairingConfig = field(default_factory=PairingConfig)

@@ -73,7 +73,10 @@ class DrawPairing:
     def __init__(self, attempts: AttemptRecords, refresh: PlanarRefresh, config: PairingConfig) -> None:
         self.attempts, self.refresh, self.config = attempts, refresh, config
         self.relative = to_object(attempts)
-        self.log_base = attempts.log_weight - refresh.log_marginal(self.relative)
+        log_marginal = refresh.log_marginal(self.relative)
+        # A hand in a corner of the box that the nodes of p(rho) all miss stands for nothing that can be weighed.
+        self.certain = np.isfinite(log_marginal)
+        self.log_base = attempts.log_weight - np.where(self.certain, log_marginal, 0.0)
         success, dropped = attempts.outcome == Outcome.SUCCESS, attempts.outcome == Outcome.DROPPED
         self.classes = (success, dropped, ~(success | dropped))
         self.trials = np.zeros(len(attempts), np.int64)  # draws until reachable, of the attempts that were asked
@@ -81,7 +84,7 @@ class DrawPairing:
     def choose(self, object_pose: Float64[np.ndarray, "3"], rng: np.random.Generator) -> HandRecords:
         """K hands for a scene of this draw, in random order, padded where there are too few; shape (1, K)."""
         there = moved(self.attempts, self.relative, np.tile(object_pose, (len(self.attempts), 1)))
-        omega = np.exp(self.log_base + self.refresh.log_density(there))
+        omega = np.where(self.certain, np.exp(self.log_base + self.refresh.log_density(there)), 0.0)
         value = np.where(omega > 0, omega**self.config.tempering, 0.0)
         taken, probability = self._select(value, rng)
         hands = AttemptRecords(**there[taken].columns())
