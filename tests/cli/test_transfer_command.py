@@ -42,7 +42,11 @@ def test_losses_and_their_resumption(model: Path, tmp_path: Path, capsys: pytest
 
 
 def test_wrong_input_is_one_clear_error(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for extra, named in ((("--shifts", "moon"), "friction-low"), (("--attempts", "0"), "at least 1")):
+    for extra, named in (
+        (("--shifts", "moon"), "friction-low"),
+        (("--shifts", "none"), "another than none"),
+        (("--attempts", "0"), "at least 1"),
+    ):
         with pytest.raises(SystemExit) as exit_info:
             run(model, *OPTIONS, "--out", str(tmp_path / "run"), *extra)
         assert exit_info.value.code == 2

@@ -35,7 +35,7 @@ def plot_ladder(summary: Mapping[str, Any], path: Path, split: str = "train") ->
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
-    axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8)
     save(figure, path)
 
 
@@ -117,27 +117,31 @@ def plot_prior(prior: Prior, path: Path, rng: np.random.Generator, draws: int = 
 
 
 def plot_transfer(summary: Mapping[str, Any], path: Path) -> None:
-    """Points lost to every shift, with their 95 % intervals: success filled, holding open; a panel a strategy."""
-    strategies = summary["strategies"]
-    shifts = [name for name in next(iter(strategies.values())) if name != NONE.name]
-    columns = min(3, len(strategies))
-    rows = -(-len(strategies) // columns)
-    size = (3.2 * columns + 1.2, rows * (1.2 + 0.28 * len(shifts)))
-    figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axes, (name, entries) in zip(panels.flat, strategies.items(), strict=False):
+    """Points lost, with their 95 % intervals: success filled, holding open.
+
+    Each strategy has a panel with a row for every shift; where there are more strategies than shifts, the reverse.
+    """
+    losses = {
+        (name, shift): entry
+        for name, entries in summary["strategies"].items()
+        for shift, entry in entries.items()
+        if shift != NONE.name
+    }
+    strategies, shifts = (list(dict.fromkeys(names)) for names in zip(*losses, strict=True))
+    by_strategy = len(strategies) <= len(shifts)
+    panels, rows = (strategies, shifts) if by_strategy else (shifts, strategies)
+    figure = Figure(figsize=(3.2 * len(panels) + 1.2, 1.4 + 0.3 * len(rows)), layout="constrained")
+    for axes, panel in zip(
+        figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0], panels, strict=True
+    ):
+        entries = [losses[(panel, row) if by_strategy else (row, panel)] for row in rows]
         for kind, offset, fill in (("success_lost", -0.12, BLUE), ("hold_lost", 0.12, "white")):
-            _losses(axes, [entries[shift][kind] for shift in shifts], offset, fill, kind.replace("_", " "))
+            _losses(axes, [entry[kind] for entry in entries], offset, fill, kind.removesuffix("_lost"))
         axes.axvline(0, color="0.5", linewidth=0.8)
-        axes.set_title(name, fontsize=9)
+        axes.set(title=panel, xlabel="points lost", ylim=(len(rows) - 0.5, -0.5))
+        axes.set_yticks(range(len(rows)), rows, fontsize=8)
         axes.grid(axis="x", color="0.9")
-    panels[0, 0].set_yticks(range(len(shifts)), shifts, fontsize=8)
-    panels[0, 0].invert_yaxis()
-    panels[0, 0].legend(fontsize=7)
-    for axes in panels[-1]:
-        axes.set_xlabel("points lost", fontsize=8)
-    for axes in panels.flat[len(strategies) :]:
-        axes.remove()
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     save(figure, path)
 
 

@@ -176,7 +176,8 @@ def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: 
     failed = [r for r in results if name in r.trials and r.trials[name].outcome in moved]
     attempts = [a for r in sorted(failed, key=lambda r: r.object)[:count] if (a := r.attempt(name)) is not None]
     if attempts:
-        Image.fromarray(film_sheet(chosen.objects, attempts)).save(path)
+        config = chosen.shift.lift_test_config
+        Image.fromarray(film_sheet(chosen.objects, attempts, config=config)).save(path)
         print(f"wrote {path}: {', '.join(chosen.objects[int(a.object_index[0])].id for a in attempts)}")
 
 

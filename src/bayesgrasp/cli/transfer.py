@@ -59,11 +59,14 @@ def transfer(
     from bayesgrasp.benchmark.tables import summarize
     from bayesgrasp.cli.benchmark import LoadModel, run_with_progress, search_config, write_results
     from bayesgrasp.cli.loading import DEFAULT_MODEL
+    from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.ratio.checkpoint import read_card
 
     directory = DEFAULT_MODEL if model is None else model
     card = read_card(directory)
     named = [find_shift(name) for name in dict.fromkeys((NONE.name, *(shifts or SHIFTS)))]
+    if named == [NONE]:
+        raise InvalidConfigurationError("nothing can be lost without a shift: name another than none")
     chosen = Benchmark(
         load_objects(split, ycb_dir, mesh, mass),
         LoadModel(directory),
