@@ -1,48 +1,27 @@
-"""What must hold for the true ratios, measured on held-out scenes after training.
+"""What must hold for the true ratios, measured on held-out draws after training.
 
-    balance                  E_joint d + E_marginal d - 1 = 0,     d = sigmoid(log r)
-    mean of r(S=1 | h)       E_{p(h)} r(S=1 | h) = 1
-    mean of r(i | S=1, h)    E_{p(i | S=1) p(h | S=1)} r(i | S=1, h) = 1
-    mean of p(S=1 | .)       the weighted share of successes
+    balance       E_joint d + E_marginal d - 1 = 0,     d = sigmoid(log r)
+    mean_ratio    E_marginal r = 1:  E_{p(h)} r(S=1 | h) for d_phi, E_{p(i | S=1) p(h | S=1)} r(i | S=1, h) for d_theta,
+                  E_{p(S, i) p(h)} r(S, i | h) for the joint one
+
+For p(S=1 | ., h) the ratio is r = p(S=1 | ., h) / p(S=1) between p(., h | S=1) and p(.) p(h), so the mean of the
+probability is the weighted share of successes.
 
 They are necessary, not sufficient; whether the posterior is right is for `diagnostics`.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import Any
 
 import torch
+import torch.nn.functional as F  # noqa: N812
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
-from bayesgrasp.ratio.losses import imbalance, weighted_mean
-from bayesgrasp.ratio.objectives import (
-    ImageObjective,
-    MetricObjective,
-    Objective,
-    RatioSamples,
-    SuccessObjective,
-    image_samples,
-    metric_samples,
-)
+from bayesgrasp.ratio.losses import imbalance, success_loss, weighted_mean
+from bayesgrasp.ratio.objectives import MetricObjective, Objective, RatioObjective, RatioSamples, SuccessObjective
 from bayesgrasp.seeding import torch_generator
-
-
-@dataclass
-class _Means:
-    """Weighted means by name, over batches."""
-
-    sums: dict[str, Tensor] = field(default_factory=dict)
-    weights: dict[str, Tensor] = field(default_factory=dict)
-
-    def add(self, name: str, values: Tensor, weight: Tensor) -> None:
-        total = weight.double().sum()
-        self.sums[name] = self.sums.get(name, torch.zeros(())) + (values.double() * weight.double()).sum()
-        self.weights[name] = self.weights.get(name, torch.zeros(())) + total
-
-    def result(self) -> dict[str, float]:
-        return {name: float(value / self.weights[name]) for name, value in self.sums.items()}
 
 
 def check(estimator: nn.Module, objective: Objective, batches: Iterable[Batch], seed: int = 0) -> dict[str, float]:
@@ -54,32 +33,53 @@ def check(estimator: nn.Module, objective: Objective, batches: Iterable[Batch], 
         batches: Held-out scenes.
         seed: Of the pairings.
     """
-    means = _Means()
     with torch.no_grad():
-        for index, batch in enumerate(batches):
-            tensors = batch.to("cpu")
-            _check_batch(estimator, objective, tensors, means, torch_generator(seed, index))
-    return means.result()
+        if isinstance(objective, SuccessObjective):
+            return _success_checks(estimator, objective, batches)
+        if isinstance(objective, RatioObjective):
+            return _ratio_checks(estimator, objective, batches, seed)
+    return {}
 
 
-def _check_batch(estimator: Any, objective: Objective, batch: Batch, means: _Means, rng: torch.Generator) -> None:
-    if isinstance(objective, SuccessObjective):
-        probability = objective.logit(estimator, batch).sigmoid()
-        means.add("mean_probability", probability, batch.selection_weight)
-        means.add("mean_success", batch.success, batch.selection_weight)
-        loss = SuccessObjective(1.0).loss(objective.logit(estimator, batch), batch)
-        means.add("cross_entropy", loss, batch.selection_weight.sum())
-    elif isinstance(objective, MetricObjective):
-        samples = metric_samples(estimator, batch)
-        _add_ratio(samples, means)
-        means.add("mean_ratio", samples.marginal[1].exp(), samples.marginal_weight[1])
-    elif isinstance(objective, ImageObjective):
-        samples = image_samples(estimator, batch, objective.hands, objective.shifts, rng)
-        _add_ratio(samples, means)
-        means.add("mean_ratio", samples.marginal.exp(), samples.marginal_weight)
+def _ratio_checks(
+    estimator: nn.Module, objective: RatioObjective, batches: Iterable[Batch], seed: int
+) -> dict[str, float]:
+    parts = [
+        objective.samples(estimator, batch.to("cpu"), torch_generator(seed, index))
+        for index, batch in enumerate(batches)
+    ]
+    joint, joint_weight, marginal, marginal_weight = (
+        torch.cat([getattr(part, name).double().flatten() for part in parts])
+        for name in ("joint", "joint_weight", "marginal", "marginal_weight")
+    )
+    sure = [_success_row(part) for part in parts] if isinstance(objective, MetricObjective) else None
+    values, weight = (marginal, marginal_weight) if sure is None else map(torch.cat, zip(*sure, strict=True))
+    return {
+        "balance": float(imbalance(joint, joint_weight, marginal, marginal_weight)),
+        "mean_log_ratio": float(weighted_mean(joint, joint_weight)),
+        "mean_ratio": float(weighted_mean(values.exp(), weight)),
+    }
 
 
-def _add_ratio(samples: RatioSamples, means: _Means) -> None:
-    classes = (samples.joint, samples.joint_weight, samples.marginal, samples.marginal_weight)
-    means.add("balance", imbalance(*classes), samples.joint_weight.sum())
-    means.add("mean_log_ratio", weighted_mean(samples.joint, samples.joint_weight), samples.joint_weight.sum())
+def _success_row(samples: RatioSamples) -> tuple[Float[Tensor, "m"], Float[Tensor, "m"]]:
+    """Log r(S=1 | h) and the weights of p(h): the second row of d_phi."""
+    return samples.marginal[1].double(), samples.marginal_weight[1].double()
+
+
+def _success_checks(estimator: Any, objective: SuccessObjective, batches: Iterable[Batch]) -> dict[str, float]:
+    parts = [
+        torch.stack([objective.logit(estimator, batch).float(), batch.success, batch.weight, batch.selection_weight])
+        for batch in (one.to("cpu") for one in batches)
+    ]
+    logit, success, weight, selection = torch.cat([part.flatten(1) for part in parts], 1).double()
+    result = {
+        "mean_probability": float(weighted_mean(logit.sigmoid(), selection)),
+        "mean_success": float(weighted_mean(success, selection)),
+        "cross_entropy": float(success_loss(logit, success, selection)),
+    }
+    rate = weighted_mean(success, weight)
+    if rate > 0:
+        log_ratio = F.logsigmoid(logit) - rate.log()
+        result["mean_ratio"] = float(weighted_mean(log_ratio.exp(), weight))
+        result["balance"] = float(imbalance(log_ratio, weight * success, log_ratio, weight))
+    return result

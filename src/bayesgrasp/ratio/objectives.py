@@ -97,8 +97,8 @@ class FullObjective(SuccessObjective):
 
 
 @dataclass(frozen=True)
-class MetricObjective:
-    """d_phi: (S, h) from the joint distribution against p(S) p(h), S balanced in both.
+class RatioObjective:
+    """A likelihood-to-evidence ratio, learned from samples of the joint density and of the product of marginals.
 
     Attributes:
         criterion: The loss.
@@ -106,22 +106,33 @@ class MetricObjective:
 
     criterion: LossConfig = field(default_factory=LossConfig)
 
+    def samples(self, estimator: Any, batch: Batch, rng: torch.Generator) -> RatioSamples:
+        """Log-ratios of the estimator on both."""
+        raise NotImplementedError
+
     def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
-        """Loss of `MetricRatio`."""
-        return metric_samples(estimator, batch).loss(self.criterion)
+        """The criterion on `samples`."""
+        return self.samples(estimator, batch, rng).loss(self.criterion)
 
 
 @dataclass(frozen=True)
-class ImageObjective:
+class MetricObjective(RatioObjective):
+    """d_phi: (S, h) from the joint distribution against p(S) p(h), S balanced in both."""
+
+    def samples(self, estimator: Any, batch: Batch, rng: torch.Generator) -> RatioSamples:
+        """Rows S = 0 and S = 1 of `MetricRatio`."""
+        return metric_samples(estimator, batch)
+
+
+@dataclass(frozen=True)
+class ImageObjective(RatioObjective):
     """d_theta: (i, h) from p(i, h | S=1) against p(i | S=1) p(h | S=1).
 
     Attributes:
-        criterion: The loss.
         hands: Successful hands taken from each scene.
         shifts: Other scenes whose hands each image meets.
     """
 
-    criterion: LossConfig = field(default_factory=LossConfig)
     hands: int = 32
     shifts: int = 2
 
@@ -129,31 +140,29 @@ class ImageObjective:
         if self.hands < 1 or self.shifts < 1:
             raise InvalidConfigurationError(f"hands and shifts must be positive, got {self.hands} and {self.shifts}")
 
-    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
-        """Loss of `ImageRatio`."""
-        return image_samples(estimator, batch, self.hands, self.shifts, rng).loss(self.criterion)
+    def samples(self, estimator: Any, batch: Batch, rng: torch.Generator) -> RatioSamples:
+        """Rows of scenes, of `ImageRatio`."""
+        return image_samples(estimator, batch, self.hands, self.shifts, rng)
 
 
 @dataclass(frozen=True)
-class JointObjective:
+class JointObjective(RatioObjective):
     """One ratio over (S, i): the ablation.
 
     Attributes:
-        criterion: The loss.
         shifts: Other scenes whose hands each (S, image) meets.
     """
 
-    criterion: LossConfig = field(default_factory=LossConfig)
     shifts: int = 1
 
-    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
-        """Loss of `JointRatio`."""
+    def samples(self, estimator: Any, batch: Batch, rng: torch.Generator) -> RatioSamples:
+        """Rows of scenes, of `JointRatio`."""
         context = estimator.encode(batch.images)
         joint = estimator(context, batch.hands, batch.success)
         others = shifted(batch.hands, batch.weight, self.shifts, rng)
         success, weight = (x.repeat(1, self.shifts) for x in (batch.success, batch.weight))
         marginal = estimator(context, others[0], success)
-        return RatioSamples(joint, batch.weight, marginal, weight * others[1]).loss(self.criterion)
+        return RatioSamples(joint, batch.weight, marginal, weight * others[1])
 
 
 def metric_samples(estimator: Any, batch: Batch) -> RatioSamples:
