@@ -10,8 +10,9 @@ from PIL import Image, ImageDraw
 
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import IMAGE_SHAPE, Batch
-from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.types import GraspType, Hands
+from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.simulators.views import disturbed_camera
+from bayesgrasp.types import CameraNuisances, GraspType, Hands
 
 ZOOM = 2
 COLOURS = {GraspType.BASIC: (255, 80, 60), GraspType.WIDE: (70, 220, 90), GraspType.PINCH: (90, 150, 255)}
@@ -23,7 +24,7 @@ def draw_sheet(dataset: GraspDataset, columns: int = 4, rows: int = 4, most: int
     """Images chosen at random among those with a success, each with up to ``most`` of its successful hands.
 
     A hand is a line along its approach that ends at the palm, and a bar along its closing direction ahead of the palm,
-    where the fingers meet the object; red basic, green wide, blue pinch.
+    where the fingers meet the object; red basic, green wide, blue pinch. It is seen by the camera of its image.
     """
     rng = np.random.default_rng(seed)
     successful = (dataset.scene_columns["hand_outcome"] == 4).any(axis=1)
@@ -34,19 +35,26 @@ def draw_sheet(dataset: GraspDataset, columns: int = 4, rows: int = 4, most: int
     batch = dataset.scenes("all", shuffle=False).batch(chosen)
     for place in range(len(chosen)):
         label = f"{dataset.object_ids[int(batch.object_index[place])]} x{float(batch.scale[place]):.2f}"
-        picture = draw_scene(batch, place, most, label)
+        picture = draw_scene(batch, place, camera_of(dataset, int(chosen[place])), most, label)
         sheet.paste(picture, (place % columns * width, place // columns * height))
     return sheet
 
 
-def draw_scene(batch: Batch, place: int, most: int, label: str) -> Image.Image:
+def camera_of(dataset: GraspDataset, row: int) -> Camera:
+    """The camera that took the image of a scene, as its nuisances made it."""
+    names = CameraNuisances.__dataclass_fields__
+    nuisances = {name: dataset.scene_columns[f"camera_{name}"][row : row + 1] for name in names}
+    return disturbed_camera(canonical_camera(), CameraNuisances(**nuisances), 0)
+
+
+def draw_scene(batch: Batch, place: int, camera: Camera, most: int, label: str) -> Image.Image:
     """One image of a batch with some of its successful hands."""
     picture = Image.fromarray(shade(batch.images[place, 0].numpy())).resize(
         (IMAGE_SHAPE[1] * ZOOM, IMAGE_SHAPE[0] * ZOOM), Image.Resampling.NEAREST
     )
     pen = ImageDraw.Draw(picture)
     for index in torch.nonzero(batch.success[place] > 0)[:, 0][:most].tolist():
-        _draw_hand(pen, batch.hands[place, index])
+        _draw_hand(pen, batch.hands[place, index], camera)
     pen.text((6, 4), label, fill=(255, 255, 255))
     return picture
 
@@ -59,19 +67,18 @@ def shade(depth: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
     return (255 * np.where(valid[..., None], colours, 0)).astype(np.uint8)
 
 
-def _draw_hand(pen: ImageDraw.ImageDraw, hand: Hands) -> None:
+def _draw_hand(pen: ImageDraw.ImageDraw, hand: Hands, camera: Camera) -> None:
     position, rotation = hand.position.double().numpy(), hand.rotation.double().numpy()
     approach, closing = rotation[:, 0], rotation[:, 1]
     tip = position + AHEAD * approach
     colour = COLOURS[GraspType(int(hand.grasp_type))]
-    pen.line(_pixels(np.stack([position - BEHIND * approach, position])), fill=colour, width=3)
-    pen.line(_pixels(np.stack([position, tip])), fill=colour, width=1)
-    pen.line(_pixels(np.stack([tip - SPREAD * closing, tip + SPREAD * closing])), fill=colour, width=3)
+    pen.line(_pixels(np.stack([position - BEHIND * approach, position]), camera), fill=colour, width=3)
+    pen.line(_pixels(np.stack([position, tip]), camera), fill=colour, width=1)
+    pen.line(_pixels(np.stack([tip - SPREAD * closing, tip + SPREAD * closing]), camera), fill=colour, width=3)
 
 
-def _pixels(points: Float[np.ndarray, "n 3"]) -> list[tuple[float, float]]:
-    """Places in the zoomed image of points in the world, seen by the nominal camera."""
-    camera = canonical_camera()
+def _pixels(points: Float[np.ndarray, "n 3"], camera: Camera) -> list[tuple[float, float]]:
+    """Places in the zoomed image of points in the world."""
     pixels, _ = camera.project(points)
     scale = np.array([IMAGE_SHAPE[1] / camera.width, IMAGE_SHAPE[0] / camera.height]) * ZOOM
     return [(float(u), float(v)) for u, v in (pixels + 0.5) * scale]

@@ -156,8 +156,8 @@ class Store:
             version = content["schema_version"]
             if version != SCHEMA_VERSION:
                 raise DataError(
-                    f"{self.directory} has schema version {version}; this version of bayesgrasp reads {SCHEMA_VERSION}: "
-                    "make the data set again with `bayesgrasp generate`"
+                    f"{self.directory} has schema version {version}; this version of bayesgrasp reads "
+                    f"{SCHEMA_VERSION}: make the data set again with `bayesgrasp generate`"
                 )
             return Manifest(**content)
         except FileNotFoundError as error:
