@@ -1,0 +1,36 @@
+"""``bayesgrasp train`` after real kills: with --resume it ends with the very files of an undisturbed run."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from bayesgrasp.data.engine import Run, open_store
+from bayesgrasp.data.pool import InProcess
+
+sys.path.append(str(Path(__file__).parents[1] / "data"))
+import fake_world
+
+BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
+OPTIONS = ["--epochs", "3", "--batch-size", "8", "--preset", "paper", "--threads", "1"]
+KILLS = 3
+
+
+def make(data: Path) -> None:
+    config = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
+    store = open_store(data, replace(fake_world.manifest(), config=config), False)
+    Run(store, fake_world.recipe(), 2000).execute(InProcess())
+
+
+def train(data: Path, out: Path, kills: int) -> str:
+    program = Path(__file__).with_name("killed_training.py")
+    command = [sys.executable, str(program), str(kills), "1", str(out), "--data", str(data), *OPTIONS]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def test_a_killed_run_ends_with_the_weights_of_an_undisturbed_one(tmp_path: Path) -> None:
+    make(tmp_path / "data")
+    train(tmp_path / "data", tmp_path / "whole", 0)
+    assert f"killed {KILLS} times" in train(tmp_path / "data", tmp_path / "killed", KILLS)
+    for name in ("metric.safetensors", "image.safetensors"):
+        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
