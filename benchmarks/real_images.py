@@ -28,8 +28,8 @@ ENOUGH = 0.2
 
 
 def uncritical(planner: Planner) -> Planner:
-    """The same planner, but it returns what cuts into the surface, too."""
-    selection = replace(planner.config.selection, penetration=10.0)
+    """The same planner, but it returns the best of the posterior, even if that cuts into the surface."""
+    selection = replace(planner.config.selection, penetration=10.0, rank="posterior")
     return replace(planner, config=replace(planner.config, selection=selection))
 
 

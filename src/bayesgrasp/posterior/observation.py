@@ -73,11 +73,14 @@ def check_scale(depth: Float32[np.ndarray, "h w"], camera: Camera) -> None:
     Raises:
         DepthImageError: They are of another order.
     """
-    small, rays = depth[::8, ::8], camera.rays()[::8, ::8] @ camera.pose[2, :3]
-    seen = (small > 0) & (rays < -1e-3)
+    small = depth[::8, ::8]
+    across, along, forward = camera.pose[2, :3]
+    column, row = (np.arange(camera.width)[::8] - camera.cx) / camera.fx, (np.arange(camera.height)[::8] - camera.cy)
+    down = -(across * column + along * row[:, None] / camera.fy + forward)
+    seen = (small > 0) & (down > 1e-3)
     if not seen.any():
         return
-    scale = float(np.median(-small[seen] * rays[seen])) / camera.pose[2, 3]
+    scale = float(np.median(small[seen] * down[seen])) / camera.pose[2, 3]
     if not SCALES[0] < scale < SCALES[1]:
         raise DepthImageError(
             f"the depths do not fit the camera's pose: they are typically {scale:.2g} times what the table's would be "

@@ -57,7 +57,7 @@ class Posterior:
     success_probability: Callable[[Tensor], Tensor]
 
 
-QUICK = AscentConfig(starts_per_type=2, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
+QUICK = AscentConfig(starts_per_type=4, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
 """More starts than Algorithm 2, and no more precision than a robot can use."""
 
 
@@ -71,7 +71,7 @@ class PlannerConfig:
 
     Attributes:
         num_draws: Draws from the prior that compete for the starts.
-        ascent: The search; by default two starts per grasp type for the maximum of the posterior, and as many for that
+        ascent: The search; by default four starts per grasp type for the maximum of the posterior, and as many for that
             of the likelihood inside the prior's box.
         fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
         alignment: The world is turned where the camera stands more than this off its side in training, radians.
@@ -80,7 +80,7 @@ class PlannerConfig:
         table: Search for the table where the camera's pose is unknown.
     """
 
-    num_draws: int = 1000
+    num_draws: int = 2000
     ascent: AscentConfig = QUICK
     fallbacks: int = 30
     alignment: float = 0.35

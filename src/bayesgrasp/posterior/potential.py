@@ -8,7 +8,7 @@ Any log-ratio and any prior will do: both are protocols. Terms left out give the
     full observation  the same two with r(S=1, O, p_O, beta, friction | h)
     prior             -log p(h)
 
-One batch may search for several of them at once: a term can have a weight for each row (`Weighted`).
+One batch may search for several of them at once: a term can have a weight for each row (`RowWeighted`).
 
 The Euclidean gradient G = df/dR in R^{3x3}, by autograd, is projected to R skew(R^T G) (paper, section 3.2), which is
 kept as the three derivatives along R exp([w]_x): the vector of 2 skew(R^T G), in the hand frame.
@@ -108,7 +108,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Weighted:
+class RowWeighted:
     """A log-density times a weight for each row of the batch.
 
     Attributes:
@@ -120,12 +120,12 @@ class Weighted:
     weight: Float[Tensor, "n"]
 
     def __call__(self, hands: Hands) -> Float[Tensor, "n"]:
-        """Weighted values of a batch of n hands, row by row."""
+        """RowWeighted values of a batch of n hands, row by row."""
         return self.weight * self.density(hands)
 
-    def of(self, rows: slice | Int[Tensor, "m"]) -> "Weighted":
+    def of(self, rows: slice | Int[Tensor, "m"]) -> "RowWeighted":
         """The same for some of the rows."""
-        return Weighted(self.density, self.weight[rows])
+        return RowWeighted(self.density, self.weight[rows])
 
 
 @dataclass(frozen=True)
@@ -166,10 +166,10 @@ class Potential:
         return value, torch.cat([-by_position, -2 * so3.vee(hands.rotation.mT @ by_rotation)], -1)
 
     def of(self, rows: slice | Int[Tensor, "m"]) -> "Potential":
-        """The potential of some rows of a batch; it differs from row to row only where a term is `Weighted`."""
-        if not any(isinstance(term, Weighted) for term in self.terms):
+        """The potential of some rows of a batch; it differs from row to row only where a term is `RowWeighted`."""
+        if not any(isinstance(term, RowWeighted) for term in self.terms):
             return self
-        return replace(self, terms=tuple(t.of(rows) if isinstance(t, Weighted) else t for t in self.terms))
+        return replace(self, terms=tuple(t.of(rows) if isinstance(t, RowWeighted) else t for t in self.terms))
 
     def _value(self, hands: Hands) -> Float[Tensor, "n"]:
         return -_Sum(self.terms)(hands)
@@ -182,7 +182,7 @@ def posterior_potential(log_ratio: LogDensity, prior: Prior) -> Potential:
 
 def tempered_potential(log_ratio: LogDensity, prior: Prior, weight: Float[Tensor, "n"]) -> Potential:
     """-log r - w log p with a weight w for each row of a batch of n: 1 leads to the MAP, 0 to the MLE."""
-    return Potential((log_ratio, Weighted(prior.log_prob, weight)), Box.of(prior))
+    return Potential((log_ratio, RowWeighted(prior.log_prob, weight)), Box.of(prior))
 
 
 def likelihood_potential(log_ratio: LogDensity, prior: Prior) -> Potential:

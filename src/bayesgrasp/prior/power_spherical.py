@@ -128,7 +128,7 @@ class RotationMixture:
     def log_prob(self, rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch"]:
         """Log density with respect to the surface measure of S^3; finite and differentiable for every rotation."""
         modes = self.modes.to(dtype=rotation.dtype, device=rotation.device)
-        trace = torch.einsum("mij,...ij->...m", modes, rotation)
+        trace = rotation.flatten(-2) @ modes.flatten(-2).mT
         logs = log_even_power((1 + trace) / 4, self.kappa)
         return log_normalizer(self.kappa, 4) + torch.logsumexp(logs, -1) - math.log(len(modes))
 
