@@ -57,7 +57,7 @@ class Posterior:
     success_probability: Callable[[Tensor], Tensor]
 
 
-QUICK = AscentConfig(starts_per_type=4, steps=8, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
+QUICK = AscentConfig(starts_per_type=4, steps=12, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
 """More starts than Algorithm 2, and no more precision than a robot can use."""
 
 
@@ -70,7 +70,8 @@ class PlannerConfig:
     """Cost and behaviour of a plan.
 
     Attributes:
-        num_draws: Draws from the prior that compete for the starts.
+        num_draws: Draws from the prior that compete for the starts; more than in Algorithm 2, since each is tried with
+            its own grasp type only.
         ascent: The search; by default four starts per grasp type for the maximum of the posterior, and as many for that
             of the likelihood inside the prior's box.
         fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
