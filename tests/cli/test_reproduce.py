@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bayesgrasp.cli.experiment import SCALES
+from bayesgrasp.cli.experiment import Experiment
 from bayesgrasp.cli.reproduce import Stages
+from bayesgrasp.cli.scales import SCALES
 from bayesgrasp.errors import InvalidConfigurationError
 
 
@@ -49,6 +50,19 @@ def test_the_full_experiment_is_the_papers() -> None:
     assert {"train", "unseen"} <= set(full.judged)
 
 
+def test_the_full_experiment_practises_as_the_shipped_weights_did(tmp_path: Path) -> None:
+    """Each round starts from the last version of its estimator, and the model has the last of all."""
+    experiment = Experiment(tmp_path, SCALES["full"], 0, 1, "cpu", None)
+    names = list(experiment.stages())
+    assert names[:5] == ["data", "training", "practice 1", "training 1", "practice 2"]
+    assert names.index("training 3") + 1 == names.index("model") == names.index("diagnostics") - 1
+    rounds = SCALES["full"].rounds
+    assert [one.estimator for one in rounds] == ["success", "success", "full"]
+    latest = [experiment._latest(one.estimator, n + 1).name for n, one in enumerate(rounds)]
+    assert latest == ["model-0", "model-1", "model-0"]
+    assert rounds[2].copies == 0
+
+
 def test_the_small_experiment_climbs_the_ladder(tmp_path: Path) -> None:
     """Prior < no image < image < full observation, in minutes; in a process of its own, as a user would run it."""
     words = ["reproduce", "--out", str(tmp_path / "small"), "--scale", "small", "--workers", "2"]
@@ -63,4 +77,4 @@ def test_the_small_experiment_climbs_the_ladder(tmp_path: Path) -> None:
     assert page.count('src="data:image/png;base64,') == 8
     assert "There is no" not in page
     again = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert again.count("done before") == 6
+    assert again.count("done before") == 7

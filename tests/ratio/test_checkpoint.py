@@ -11,7 +11,7 @@ import torch
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.ratio.checkpoint import CARD, Origin, load_model, save_model
+from bayesgrasp.ratio.checkpoint import CARD, Origin, join_models, load_model, save_model
 from bayesgrasp.ratio.estimators import MetricConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.local import LocalConfig
@@ -124,3 +124,25 @@ def test_only_known_estimators_are_saved(tmp_path: Path) -> None:
         save_model(tmp_path, {"metric": torch.nn.Identity()}, Origin())
     with pytest.raises(CheckpointError, match="no role 'best'"):
         save_model(tmp_path, {"best": torch.nn.Identity()}, Origin())
+
+
+def test_joined_models_have_the_last_of_every_estimator(
+    directory: Path, tmp_path: Path, hands: Callable[..., Hands]
+) -> None:
+    later = tmp_path / "later"
+    metric = initialised(lambda: build("metric", MetricConfig()), 7).eval()
+    save_model(later, {"metric": metric}, Origin(objects=("mug",)), extra={"power": {"metric": 0.5}})
+    join_models([directory, later], tmp_path / "joined")
+    model = load_model(tmp_path / "joined")
+    assert set(model.estimators) == {"success", "metric"}
+    assert model.card["power"] == {"metric": 0.5}
+    some = hands((5,), torch.Generator().manual_seed(0))
+    assert torch.equal(model.given_success()(some), GraspModel({"metric": metric}, {}).given_success()(some))
+    assert model.card["estimators"]["success"] == load_model(directory).card["estimators"]["success"]
+
+
+def test_models_of_other_objects_are_not_joined(directory: Path, tmp_path: Path) -> None:
+    metric = initialised(lambda: build("metric", MetricConfig()), 7)
+    save_model(tmp_path / "other", {"metric": metric}, Origin(objects=("bowl",)))
+    with pytest.raises(CheckpointError, match="objects differ"):
+        join_models([directory, tmp_path / "other"], tmp_path / "joined")

@@ -1,81 +1,18 @@
-"""The experiment behind ``bayesgrasp reproduce``: its two scales, and its stages as functions."""
+"""The experiment behind ``bayesgrasp reproduce``: its stages as functions."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
+
+from bayesgrasp.cli.scales import Estimator, Scale
 
 if TYPE_CHECKING:
     from bayesgrasp.benchmark.report import Section
-    from bayesgrasp.ratio.presets import Part, Setup
-
-    Estimator = Literal["metric", "image", "joint", "success", "full"]
-
-
-@dataclass(frozen=True)
-class Scale:
-    """How large an experiment is.
-
-    Attributes:
-        split: Training objects.
-        attempts: Lift tests of the data set.
-        attempts_per_draw: See `bayesgrasp generate`.
-        preset, estimators, batch_size, learning_rate: See `bayesgrasp train`.
-        epochs: Passes over the training scenes of each estimator; those without an image cost little and need many.
-        truths, proposals: See `bayesgrasp diagnose`.
-        scenes: Of each benchmark.
-        judged: Splits that are benchmarked.
-        demo: The object of the posterior figure.
-    """
-
-    split: str
-    attempts: int
-    attempts_per_draw: int
-    preset: Literal["paper", "best"]
-    estimators: tuple[Estimator, ...]
-    epochs: dict[str, int]
-    batch_size: int
-    learning_rate: float
-    truths: int
-    proposals: int
-    scenes: int
-    judged: tuple[str, ...]
-    demo: str = "household_carton"
-
-
-SCALES: dict[str, Scale] = {
-    "small": Scale(
-        split="stand-ins",
-        attempts=32_768,
-        attempts_per_draw=64,
-        preset="best",
-        estimators=("metric", "success", "full"),
-        epochs={"metric": 15, "success": 3, "full": 30},
-        batch_size=8,
-        learning_rate=2e-3,
-        truths=60,
-        proposals=1500,
-        scenes=60,
-        judged=("stand-ins",),
-    ),
-    "full": Scale(
-        split="train",
-        attempts=3_000_000,
-        attempts_per_draw=128,
-        preset="best",
-        estimators=("metric", "success", "full"),
-        epochs={"metric": 40, "success": 20, "full": 60},
-        batch_size=16,
-        learning_rate=1e-3,
-        truths=1000,
-        proposals=10_000,
-        scenes=1000,
-        judged=("train", "train-ycb", "unseen"),
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -101,11 +38,20 @@ class Experiment:
         return {
             "data": self.simulate,
             "training": self.train,
+            **self._rounds(),
+            "model": self.join,
             "diagnostics": self.diagnose,
             **judged,
             "figures": self.draw,
             "report": self.report,
         }
+
+    def _rounds(self) -> dict[str, Callable[[], None]]:
+        stages: dict[str, Callable[[], None]] = {}
+        for number in range(1, len(self.scale.rounds) + 1):
+            stages[f"practice {number}"] = partial(self.practise, number)
+            stages[f"training {number}"] = partial(self.train_further, number)
+        return stages
 
     def simulate(self) -> None:
         """Lift tests and images."""
@@ -119,43 +65,96 @@ class Experiment:
             resume=True,
             split=self.scale.split,
             ycb_dir=self.ycb_dir,
-            proposal="adaptive",
             attempts_per_draw=self.scale.attempts_per_draw,
-            scenes_per_draw=2,
         )
 
     def train(self) -> None:
         """The estimators, each with a schedule of its own."""
+        scale = self.scale
+        self._fit(self._model(0), scale.estimators, scale.epochs, scale.learning_rate)
+
+    def practise(self, number: int) -> None:
+        """Lift tests of the proposals of the model before a round, counted from 1."""
+        from bayesgrasp.cli.practice import practice
+
+        one = self.scale.rounds[number - 1]
+        practice(
+            self._latest(one.estimator, number),
+            self._practice(number),
+            scenes=one.scenes,
+            seed=self.seed + number,
+            workers=self.workers,
+            resume=True,
+            split=self.scale.split,
+            ycb_dir=self.ycb_dir,
+            copies=one.copies,
+            estimator=one.estimator,
+        )
+
+    def train_further(self, number: int) -> None:
+        """The estimator of a round, from where it was, with all practice so far."""
+        one = self.scale.rounds[number - 1]
+        practised = [self._practice(n + 1) for n in range(number)]
+        before = self._latest(one.estimator, number)
+        epochs: dict[str, int] = {one.estimator: one.epochs}
+        self._fit(self._model(number), (one.estimator,), epochs, one.learning_rate, practised, before)
+
+    def join(self) -> None:
+        """The last version of every estimator as one model."""
+        from bayesgrasp.ratio.checkpoint import join_models
+
+        join_models([self._model(number) for number in range(len(self.scale.rounds) + 1)], self.out / "model")
+
+    def _model(self, number: int) -> Path:
+        return self.out / f"model-{number}"
+
+    def _practice(self, number: int) -> Path:
+        return self.out / f"practice-{number}"
+
+    def _latest(self, estimator: Estimator, number: int) -> Path:
+        """The model with the last version of an estimator before a round."""
+        earlier = [n + 1 for n in range(number - 1) if self.scale.rounds[n].estimator == estimator]
+        return self._model(max(earlier, default=0))
+
+    def _fit(
+        self,
+        out: Path,
+        estimators: tuple[Estimator, ...],
+        epochs: Mapping[str, int],
+        learning_rate: float,
+        practised: Sequence[Path] = (),
+        start: Path | None = None,
+    ) -> None:
         from bayesgrasp.cli import training
         from bayesgrasp.cli.loading import trained_prior
         from bayesgrasp.cli.training_view import observers, print_summary
         from bayesgrasp.data.loader import GraspDataset
+        from bayesgrasp.ratio.checkpoint import load_model
         from bayesgrasp.ratio.fit import fit
+        from bayesgrasp.ratio.presets import preset
+        from bayesgrasp.ratio.train import TrainConfig
 
         dataset = GraspDataset(self.out / "data")
-        parts = self._parts(training.setup_of(dataset))
-        with observers(self.out / "model", len(parts)) as observe:
+        schedule = TrainConfig(learning_rate=learning_rate, patience=5, seed=self.seed)
+        parts = [
+            replace(part, train=replace(part.train, epochs=epochs[part.role]))
+            for part in preset(self.scale.preset, training.setup_of(dataset), estimators, train=schedule)
+        ]
+        sets = [GraspDataset(directory) for directory in practised]
+        with observers(out, len(parts)) as observe:
             metrics = fit(
                 parts,
-                training.sources_by_part(dataset, (), self.scale.batch_size, self.seed),
-                self.out / "model",
+                training.sources_by_part(dataset, sets, self.scale.batch_size, self.seed),
+                out,
                 training.origin_of(dataset),
+                start=load_model(start).estimators if start is not None else None,
                 device=training.usable_device(self.device),
                 resume=True,
                 callback=observe,
                 prior=trained_prior({"prior": training.prior_of(dataset)}),
                 extra={"preset": self.scale.preset, "familiarity": training.familiarity_of(dataset)},
             )
-        print_summary(metrics, self.out / "model")
-
-    def _parts(self, setup: Setup) -> tuple[Part, ...]:
-        from bayesgrasp.ratio.presets import preset
-        from bayesgrasp.ratio.train import TrainConfig
-
-        scale = self.scale
-        schedule = TrainConfig(learning_rate=scale.learning_rate, patience=5, seed=self.seed)
-        parts = preset(scale.preset, setup, scale.estimators, train=schedule)
-        return tuple(replace(part, train=replace(part.train, epochs=scale.epochs[part.role])) for part in parts)
+        print_summary(metrics, out)
 
     def diagnose(self) -> None:
         """Calibration on the test scenes."""

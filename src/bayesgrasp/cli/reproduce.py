@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from bayesgrasp.cli.experiment import SCALES, Experiment
+from bayesgrasp.cli.experiment import Experiment
+from bayesgrasp.cli.scales import SCALES
 
 
 def reproduce(

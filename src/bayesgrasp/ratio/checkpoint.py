@@ -8,7 +8,7 @@ schema, gripper or camera, since such a model gives plausible and wrong grasps.
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,14 @@ from torch import nn
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
-from bayesgrasp.ratio.model import ROLES, GraspModel
+from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
 from bayesgrasp.ratio.state import load_weights, read_tensors, write_tensors
 
 SCHEMA = 1
 CARD = "card.json"
 GRIPPER = "robotiq-3f"
+SAME = ("gripper", "camera", "prior", "objects")
+"""What models must share to be joined."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def save_model(
         entries[role] = {
             "kind": kind_of(estimator),
             "config": config_to_dict(estimator.config),
-            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "sha256": _digest(path),
             "metrics": dict((metrics or {}).get(role, {})),
         }
     write_json(directory / CARD, {"schema": SCHEMA, **origin.to_dict(), "estimators": entries, **(extra or {})})
@@ -108,6 +110,36 @@ def load_model(directory: Path, *, gripper: str = GRIPPER, camera: Camera | None
     for role, entry in card["estimators"].items():
         estimators[role] = _load_estimator(directory / f"{role}.safetensors", entry)
     return GraspModel(estimators, card)
+
+
+def join_models(directories: Sequence[Path], out: Path) -> None:
+    """Write one model with the estimators of several, each from the last one that has it.
+
+    Args:
+        directories: Of models for the same gripper, camera, prior and objects.
+        out: Where to; the rest of its card is that of the last model.
+
+    Raises:
+        CheckpointError: A model is missing or damaged, or was made for something else than the others.
+    """
+    models = {directory: load_model(directory) for directory in directories}
+    joined: dict[str, Any] = {"estimators": {}}
+    estimators: dict[str, nn.Module] = {}
+    for directory, model in models.items():
+        differing = [name for name in SAME if name in joined and joined[name] != model.card.get(name)]
+        if differing:
+            raise CheckpointError(
+                f"the model {directory} cannot be joined with the others: {', '.join(differing)} differ"
+            )
+        # What was fitted to an estimator, such as its power, goes with it.
+        fitted = {**joined.get(POWER, {}), **model.card.get(POWER, {})}
+        joined = {**model.card, "estimators": {**joined["estimators"], **model.card["estimators"]}, POWER: fitted}
+        estimators |= model.estimators
+    for role, estimator in estimators.items():
+        path = out / f"{role}.safetensors"
+        write_tensors(path, estimator.state_dict(), {"role": role})
+        joined["estimators"][role] = {**joined["estimators"][role], "sha256": _digest(path)}
+    write_json(out / CARD, joined)
 
 
 def read_card(directory: Path) -> dict[str, Any]:
@@ -184,7 +216,11 @@ def _load_estimator(path: Path, entry: Any) -> nn.Module:
     with torch.random.fork_rng(devices=[]):  # the first weights are random, then replaced
         estimator = build(entry["kind"], config)
     tensors, _ = read_tensors(path)
-    if hashlib.sha256(path.read_bytes()).hexdigest() != entry["sha256"]:
+    if _digest(path) != entry["sha256"]:
         raise CheckpointError(f"the weights {path} are not the ones of the card: the checksum differs")
     load_weights(estimator, tensors, path)
     return estimator.eval().requires_grad_(False)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

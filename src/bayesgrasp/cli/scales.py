@@ -1,0 +1,95 @@
+"""How large the experiment of ``bayesgrasp reproduce`` is: minutes without any data, or the paper's with YCB scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Estimator = Literal["metric", "image", "joint", "success", "full"]
+
+
+@dataclass(frozen=True)
+class Round:
+    """Practice, and the training that learns from it.
+
+    Attributes:
+        estimator: Which one proposes, and is trained further: success or full.
+        scenes, copies: See `bayesgrasp practice`.
+        epochs, learning_rate: Of the further training; it learns from the data and from all practice so far.
+    """
+
+    estimator: Literal["success", "full"]
+    scenes: int
+    copies: int
+    epochs: int
+    learning_rate: float
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large an experiment is.
+
+    Attributes:
+        split: Training objects.
+        attempts: Lift tests of the data set.
+        attempts_per_draw: See `bayesgrasp generate`.
+        preset, estimators, batch_size, learning_rate: See `bayesgrasp train`.
+        epochs: Passes over the training scenes of each estimator; those without an image cost little and need many.
+        rounds: Practice after the first training.
+        truths, proposals: See `bayesgrasp diagnose`.
+        scenes: Of each benchmark.
+        judged: Splits that are benchmarked.
+        demo: The object of the posterior figure.
+    """
+
+    split: str
+    attempts: int
+    attempts_per_draw: int
+    preset: Literal["paper", "best"]
+    estimators: tuple[Estimator, ...]
+    epochs: dict[str, int]
+    batch_size: int
+    learning_rate: float
+    truths: int
+    proposals: int
+    scenes: int
+    judged: tuple[str, ...]
+    rounds: tuple[Round, ...] = ()
+    demo: str = "household_carton"
+
+
+SCALES: dict[str, Scale] = {
+    "small": Scale(
+        split="stand-ins",
+        attempts=32_768,
+        attempts_per_draw=64,
+        preset="best",
+        estimators=("metric", "success", "full"),
+        epochs={"metric": 15, "success": 3, "full": 30},
+        batch_size=8,
+        learning_rate=2e-3,
+        truths=60,
+        proposals=1500,
+        scenes=60,
+        judged=("stand-ins",),
+    ),
+    "full": Scale(
+        split="train",
+        attempts=3_000_000,
+        attempts_per_draw=128,
+        preset="best",
+        estimators=("metric", "success", "full"),
+        epochs={"metric": 40, "success": 20, "full": 60},
+        batch_size=16,
+        learning_rate=1e-3,
+        truths=1000,
+        proposals=10_000,
+        scenes=1000,
+        judged=("train", "train-ycb", "unseen"),
+        rounds=(
+            Round("success", scenes=3008, copies=3, epochs=4, learning_rate=5e-4),
+            Round("success", scenes=3008, copies=3, epochs=4, learning_rate=5e-4),
+            Round("full", scenes=3008, copies=0, epochs=10, learning_rate=5e-4),
+        ),
+    ),
+}
