@@ -94,6 +94,7 @@ class Benchmark:
 
     def identity(self, card: Mapping[str, Any]) -> dict[str, Any]:
         """What makes two runs the same, given the card of the model."""
+        judge = self.shift.lift_test_config
         weights = {role: entry.get("sha256") for role, entry in card.get("estimators", {}).items()}
         return {
             "seed": self.seed,
@@ -103,6 +104,7 @@ class Benchmark:
             "search": asdict(self.search),
             "priors": asdict(self.priors),
             "shift": asdict(self.shift),
+            "lift_test": judge.settings() | {"hold": asdict(judge.hold)},
         }
 
 

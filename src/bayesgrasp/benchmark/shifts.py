@@ -19,9 +19,11 @@ from bayesgrasp.prior.nuisance import NuisancePrior
 from bayesgrasp.prior.ranges import Interval
 from bayesgrasp.simulators.devices import SensorConfig
 from bayesgrasp.simulators.kinect import KinectConfig
-from bayesgrasp.simulators.lift_test import EngineName, LiftTestConfig
+from bayesgrasp.simulators.lift_test import LiftTestConfig
 from bayesgrasp.simulators.stereo import StereoConfig
 from bayesgrasp.types import Nuisances, Scenes
+
+Engine = Literal["mujoco", "pybullet"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Shift:
     """
 
     name: str
-    engine: EngineName = "mujoco"
+    engine: Engine = "mujoco"
     mass: float = 1.0
     friction: float | None = None
     sensor: Literal["kinect", "stereo"] = "kinect"
@@ -109,7 +111,7 @@ SHIFTS: dict[str, Shift] = {
 """The scales, and most of the masses, lie outside their priors, which are 0.9 to 1.1 for both."""
 
 
-def find_shift(name: str, engine: EngineName | None = None) -> Shift:
+def find_shift(name: str, engine: Engine | None = None) -> Shift:
     """A shift by name, in another engine if one is given.
 
     Raises:
