@@ -53,6 +53,14 @@ def test_every_number_is_reported_and_every_figure_drawn(
     assert "expected coverage: largest error" in capsys.readouterr().out
 
 
+def test_fresh_successes_are_simulated_and_judged(tmp_path: Path) -> None:
+    words = ["--fresh", "3", "--proposals", "200", "--split", "stand-ins", "--workers", "1"]
+    main(["diagnose", "--model", str(model(tmp_path, 0)), *words, "--json", str(tmp_path / "report.json")])
+    content = json.loads((tmp_path / "report.json").read_text())
+    assert content["expected_coverage"]["count"] == 3
+    assert 0 < content["reliability"]["brier"] < 1
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

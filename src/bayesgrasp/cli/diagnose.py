@@ -8,23 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
     import numpy as np
-    from torch import Tensor
 
-    from bayesgrasp.data.loader import GraspDataset, Split
+    from bayesgrasp.cli.truths import Tried, Truths
     from bayesgrasp.diagnostics.reliability import Reliability
-    from bayesgrasp.diagnostics.report import Report
     from bayesgrasp.ratio.model import GraspModel
-    from bayesgrasp.types import Hands
-
-DRAWS = 100
-"""Posterior draws per observation, for ranks."""
-RATE = 0.015
-"""Successes per attempt that the first round of fresh simulations counts on."""
-FRESH = 2**20
-"""Added to the seed of fresh simulations."""
 
 
 def diagnose(
@@ -44,13 +34,14 @@ def diagnose(
     """Judge a trained posterior by simulated successes that it has not seen.
 
     Expected coverage of highest-density regions, simulation-based calibration, TARP, reliability of the success
-    probability, and the disagreement of an ensemble. Takes the test scenes of --data, or simulates --fresh successes.
+    probability, and the disagreement of an ensemble. Takes the test scenes of --data, or simulates --fresh successes:
+    hands from the prior that succeed, each with an image of its own scene.
 
     Args:
         model: Directory of a model; by default the one that comes with the package.
         data: Directory of a data set; its test split is used.
-        fresh: Simulate at least this many new successes instead.
-        truths: Pairs of a successful hand and an image, at most.
+        fresh: Simulate this many new successes from the prior instead.
+        truths: With --data, pairs of a successful hand and an image, at most.
         proposals: Draws from the prior behind every posterior.
         ensemble: Further models, trained with other seeds.
         json: Where the numbers go.
@@ -58,24 +49,26 @@ def diagnose(
         seed: Of all random numbers.
         split: With --fresh, the objects: train, unseen, ...
         ycb_dir: With --fresh, directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
-        workers: With --fresh, processes.
+        workers: Processes.
     """
-    import tempfile
-
-    from bayesgrasp.cli.loading import DEFAULT_MODEL
-    from bayesgrasp.data.loader import GraspDataset
+    from bayesgrasp.cli.judging import Court, judge_all
+    from bayesgrasp.cli.loading import DEFAULT_MODEL, trained_prior
+    from bayesgrasp.diagnostics.report import report
     from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.geometry.grasp_space import GraspSpace
     from bayesgrasp.ratio.checkpoint import load_model
+    from bayesgrasp.seeding import generator
 
     if (data is None) == (fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
-    models = [load_model(path) for path in (DEFAULT_MODEL if model is None else model, *ensemble)]
-    with tempfile.TemporaryDirectory() as scratch:
-        directory = Path(scratch) / "fresh" if data is None else data
-        if fresh is not None:
-            _simulate(directory, fresh, seed, split, ycb_dir, workers)
-        dataset = GraspDataset(directory)
-        result = _judge(models, dataset, "test" if fresh is None else "all", truths, proposals, seed)
+    court = Court((DEFAULT_MODEL if model is None else model, *ensemble), proposals, seed)
+    first = load_model(court.models[0])
+    found, tried = _evidence(data, fresh, truths, seed, split, ycb_dir, workers)
+    judged, values = judge_all(court, found, workers)
+    reliable = _reliability(first, tried)
+    rng = generator(seed, 1)
+    references = trained_prior(first.card).sample(len(judged), rng)
+    result = report(found.hands, judged, references, GraspSpace().distance, rng, reliable, _spread(values))
     content = result.to_dict()
     if json is not None:
         json.write_text(dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -83,75 +76,26 @@ def diagnose(
     _show(content, figures)
 
 
-def _simulate(out: Path, successes: int, seed: int, split: str, ycb_dir: Path | None, workers: int) -> None:
-    """A data set with at least so many successes, in as many rounds as it takes."""
-    from bayesgrasp.cli.generate import generate
-    from bayesgrasp.data.store import Store
-    from bayesgrasp.errors import InvalidConfigurationError
+def _evidence(
+    data: Path | None,
+    fresh: int | None,
+    truths: int,
+    seed: int,
+    split: str,
+    ycb_dir: Path | None,
+    workers: int,
+) -> tuple[Truths, Iterator[Tried]]:
+    from bayesgrasp.cli import truths as source
+    from bayesgrasp.data.loader import GraspDataset
+    from bayesgrasp.seeding import generator
 
-    if successes < 1:
-        raise InvalidConfigurationError(f"--fresh needs at least one success, got {successes}")
-    attempts, found = round(successes / RATE) + 1, 0
-    while found < successes:
-        # Its own seed, so that no training set of the same seed has the same draws.
-        generate(attempts, out, seed=FRESH + seed, workers=workers, resume=True, split=split, ycb_dir=ycb_dir)
-        found = int(Store(out).manifest().totals["outcomes"]["success"])
-        attempts = 2 * attempts
-
-
-def _judge(
-    models: list[GraspModel], dataset: GraspDataset, split: Split, truths: int, proposals: int, seed: int
-) -> Report:
-    import numpy as np
-    import torch
-
-    from bayesgrasp.cli.loading import trained_prior
-    from bayesgrasp.diagnostics.report import Observation, judge, report
-    from bayesgrasp.geometry.grasp_space import GraspSpace
-    from bayesgrasp.seeding import generator, torch_generator
-    from bayesgrasp.types import Hands
-
-    prior = trained_prior(models[0].card)
-    loader = dataset.scenes(split, batch_size=1, shuffle=False)
-    rng, drawing = generator(seed, 0), torch_generator(seed, 1)
-    truth, judged, spread = [], [], []
-    for row, column in _successes(dataset, split, truths, rng):
-        batch = loader.batch(np.array([row]))
-        ratio, tried = models[0].given_image(batch.images[0]), prior.sample(proposals, rng)
-        truth.append(batch.hands[0, column])
-        posterior = _posterior(ratio, prior.log_prob)
-        judged.append(judge(Observation(truth[-1], posterior, tried, prior.log_prob(tried)), DRAWS, drawing))
-        spread.append([model.given_image(batch.images[0])(truth[-1]).item() for model in models])
-    fields = ("position", "rotation", "grasp_type")
-    stacked = Hands(*(torch.stack([getattr(h, f) for h in truth]) for f in fields))
-    references = prior.sample(len(truth), rng)
-    reliable = _reliability(models[0], dataset, split)
-    return report(stacked, judged, references, GraspSpace().distance, rng, reliable, _spread(spread))
+    if data is not None:
+        return source.stored(GraspDataset(data), "test", truths, generator(seed, 0))
+    return source.fresh(split, ycb_dir, fresh or 0, seed, workers)
 
 
-def _posterior(ratio: Callable[[Hands], Tensor], log_prior: Callable[[Hands], Tensor]) -> Callable[[Hands], Tensor]:
-    return lambda hands: ratio(hands) + log_prior(hands)
-
-
-def _successes(dataset: GraspDataset, split: Split, count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Scenes and columns of successful hands, drawn by weight, so that they follow p(h, i | S=1)."""
-    import numpy as np
-
-    from bayesgrasp.errors import DataError
-    from bayesgrasp.types import Outcome
-
-    rows, columns = dataset.scenes(split).rows, dataset.scene_columns
-    weight = columns["hand_weight"][rows] * (columns["hand_outcome"][rows] == Outcome.SUCCESS)
-    scene, hand = np.nonzero(weight)
-    if len(scene) == 0:
-        raise DataError(f"the {split} scenes of {dataset.store.directory} have no successful hand; generate more")
-    share = weight[scene, hand].astype(np.float64)
-    chosen = rng.choice(len(scene), min(count, len(scene)), p=share / share.sum())
-    return [(int(rows[scene[i]]), int(hand[i])) for i in chosen]
-
-
-def _reliability(model: GraspModel, dataset: GraspDataset, split: Split) -> Reliability:
-    """Of p(S=1 | i, h) at hands from the prior: the hands of the scenes, weighted back."""
+def _reliability(model: GraspModel, tried: Iterator[Tried]) -> Reliability:
+    """Of p(S=1 | i, h) at hands from the prior."""
     import numpy as np
     import torch
 
@@ -159,11 +103,10 @@ def _reliability(model: GraspModel, dataset: GraspDataset, split: Split) -> Reli
     from bayesgrasp.diagnostics.reliability import reliability
 
     probability_of, parts = success_probability(model), []
-    for batch in dataset.scenes(split, batch_size=16, shuffle=False)(0):
+    for some in tried:
         with torch.no_grad():
-            ratios = [model.given_image(image)(batch.hands[i]) for i, image in enumerate(batch.images)]
-        probability = probability_of(torch.stack(ratios))
-        parts.append(torch.stack([probability, batch.success, batch.weight]).flatten(1))
+            ratios = [model.given_image(image)(some.hands[i]) for i, image in enumerate(some.images)]
+        parts.append(torch.stack([probability_of(torch.stack(ratios)), some.success, some.weight]).flatten(1))
     probability, success, weight = torch.cat(parts, 1).double().numpy()
     return reliability(np.clip(probability, 0, 1), success, weight, bins=20)
 
