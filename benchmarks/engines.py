@@ -113,10 +113,9 @@ def main(options: Options) -> None:
         f"python benchmarks/engines.py --attempts {options.attempts} --split {options.split} --seed {options.seed} "
         "--ycb-dir DIR"
     )
-    text = json.dumps(report, indent=1)
-    print(text)
+    print_report(report)
     if options.out is not None:
-        options.out.write_text(text + "\n")
+        options.out.write_text(json.dumps(report, indent=1) + "\n")
     if options.picture is not None:
         draw(attempts, outcomes, comparison.objects, options)
 
@@ -225,6 +224,23 @@ def rate(label: np.ndarray) -> dict[str, Any]:
     if total == 0:
         return {"successes": 0, "attempts": 0, "rate": None, "interval": None}
     return {"successes": hits, "attempts": total, "rate": hits / total, "interval": wilson(hits, total)}
+
+
+def print_report(report: dict[str, Any]) -> None:
+    """The report for people."""
+    names = [o.name.lower() for o in Outcome]
+    print(f"{'mujoco \\ pybullet':18}" + "".join(f"{name:>12}" for name in names))
+    for name in names:
+        print(f"{name:18}" + "".join(f"{report['confusion'][name][other]:12d}" for other in names))
+    for label in ("success", "success where the hand touched", "held"):
+        part = report[label]
+        rates = ", ".join(f"{e} {part[e]['successes']} of {part[e]['attempts']}" for e in ENGINES)
+        kappa = part.get("kappa")
+        beyond = f"kappa {kappa['kappa']:.3f} {[round(k, 3) for k in kappa['interval']]}" if kappa else "no kappa"
+        print(f"{label}: {rates}; agree {part['agree']:.2%}, {beyond}")
+    for name, row in report["per_object"].items():
+        rates = "  ".join(f"{row[e]['successes']:4d}/{row[e]['attempts']}" for e in ENGINES)
+        print(f"{name:28}{rates}   only mujoco {row['only mujoco']}, only pybullet {row['only pybullet']}")
 
 
 def draw(

@@ -51,7 +51,7 @@ def simulate(
     from bayesgrasp.data.simulate import Priors
     from bayesgrasp.data.simulate import simulate as run
     from bayesgrasp.prior.grasp import GraspPrior
-    from bayesgrasp.simulators.bullet_engine import require
+    from bayesgrasp.simulators.bullet_client import require
     from bayesgrasp.simulators.lift_test import LiftTestConfig
 
     _check_outputs(json, video)

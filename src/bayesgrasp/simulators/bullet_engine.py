@@ -1,18 +1,13 @@
 """The lift test's physics in PyBullet, the paper's own engine.
 
-The scene is `bayesgrasp.simulators.bullet_model`, servos and tendons are `bayesgrasp.simulators.servo_forces`; both are
-translated from the compiled MuJoCo model. Every attempt gets a new world, so its outcome depends on it alone.
+The scene is `bayesgrasp.simulators.bullet_robot` and `bullet_object`, servos and tendons are `servo_forces`; all are
+translated from the compiled MuJoCo model, so no number of the scene is stated twice. Every attempt gets a new world, so
+its outcome depends on it alone.
 """
 
 from __future__ import annotations
 
-import importlib
-import os
-import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from types import ModuleType
 
 import mujoco
 import numpy as np
@@ -20,7 +15,9 @@ import numpy as np
 from bayesgrasp.assets.gripper_model import GripperHandle
 from bayesgrasp.assets.scene import ObjectHandle
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.simulators.bullet_model import BulletObject, BulletRobot, Client, add_table, hulls_file
+from bayesgrasp.simulators.bullet_client import Client
+from bayesgrasp.simulators.bullet_object import BulletObject, add_table, hulls_file
+from bayesgrasp.simulators.bullet_robot import BulletRobot
 from bayesgrasp.simulators.servo_forces import ServoForces
 
 
@@ -48,29 +45,6 @@ class BulletConfig:
                 "PyBullet needs solver_iterations >= 1, contact_recovery in (0, 1] and contact_distance > 0; "
                 f"got {self.solver_iterations}, {self.contact_recovery} and {self.contact_distance}"
             )
-
-
-def require() -> ModuleType:
-    """PyBullet, which is an optional extra.
-
-    Raises:
-        InvalidConfigurationError: It is not installed.
-    """
-    try:
-        with _silent():
-            return importlib.import_module("pybullet")
-    except ImportError as error:
-        raise InvalidConfigurationError(
-            "the engine 'pybullet' needs PyBullet: pip install 'bayesgrasp[pybullet]' (or use the engine 'mujoco')"
-        ) from error
-
-
-def connect() -> Client:
-    """A connection to a simulation of its own inside this process; it ends with the client."""
-    module = require()
-    client = Client(module, module.connect(module.DIRECT))
-    weakref.finalize(client, module.disconnect, client.number)
-    return client
 
 
 class BulletEngine:
@@ -164,16 +138,3 @@ class BulletEngine:
         data.qpos[self._item.qpos] = self.object.pose()
         data.qvel[self._item.qvel][:3] = self.client.getBaseVelocity(self.object.body)[0]
         mujoco.mj_kinematics(self.model, data)
-
-
-@contextmanager
-def _silent() -> Iterator[None]:
-    """PyBullet writes the time of its build to the standard error stream, from C, when it is imported."""
-    kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(null)

@@ -18,9 +18,8 @@ nothing is NO_CONTACT.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float64, UInt8
@@ -30,72 +29,19 @@ from bayesgrasp.assets.arm import ArmDescription, ur5
 from bayesgrasp.assets.gripper import GripperDescription
 from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.assets.robotiq_3f import robotiq_3f
-from bayesgrasp.assets.scene import PhysicsConfig, planar_pose
+from bayesgrasp.assets.scene import PhysicsConfig
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.simulators.bullet_engine import BulletConfig, BulletEngine, connect
+from bayesgrasp.simulators.attempt_poses import AttemptPoses, hull_in_hand, properties
+from bayesgrasp.simulators.bullet_client import connect
+from bayesgrasp.simulators.bullet_engine import BulletEngine
 from bayesgrasp.simulators.engine import MujocoEngine
-from bayesgrasp.simulators.execution import LiftConfig, Observer, Verdict, execute
+from bayesgrasp.simulators.execution import Observer, Verdict, execute
 from bayesgrasp.simulators.hold import HoldConfig
-from bayesgrasp.simulators.planner import (
-    Motion,
-    MotionConfig,
-    hand_pose,
-    plan_motion,
-    reachable_branches,
-)
+from bayesgrasp.simulators.lift_config import LiftTestConfig
+from bayesgrasp.simulators.planner import Motion, plan_motion, reachable_branches
 from bayesgrasp.simulators.rig import MakeEngine, Rig
 from bayesgrasp.simulators.screening import CLEARANCE, HandAlone, HandKinematics, JointPath, below_table, out_of_reach
 from bayesgrasp.types import Attempts, GraspType, Outcome
-
-EngineName = Literal["mujoco", "pybullet"]
-Criterion = Literal["lift", "hold"]
-
-
-@dataclass(frozen=True)
-class LiftTestConfig:
-    """All parameters of the lift test; what outcomes depend on is stored with every data set made by it.
-
-    Attributes:
-        motion: Of arm and hand.
-        lift: Timing and criterion.
-        physics: Numerics of MuJoCo.
-        engine: Physics of attempts that screening cannot decide; PyBullet is an optional extra.
-        criterion: What SUCCESS means: that the object was lifted, or that it was also held against pushes.
-        hold: These pushes.
-        bullet: Numerics of PyBullet.
-
-    Raises:
-        InvalidConfigurationError: No such engine or criterion.
-    """
-
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    lift: LiftConfig = field(default_factory=LiftConfig)
-    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
-    engine: EngineName = "mujoco"
-    criterion: Criterion = "lift"
-    hold: HoldConfig = field(default_factory=HoldConfig)
-    bullet: BulletConfig = field(default_factory=BulletConfig)
-
-    def __post_init__(self) -> None:
-        for name, value, valid in (
-            ("engine", self.engine, get_args(EngineName)),
-            ("criterion", self.criterion, get_args(Criterion)),
-        ):
-            if value not in valid:
-                raise InvalidConfigurationError(f"{name} must be one of {', '.join(valid)}, got {value!r}")
-
-    def settings(self) -> dict[str, Any]:
-        """What outcomes depend on, for the identity of a data set.
-
-        An engine or criterion other than the default is named with its settings; a data set that names none was made
-        by MuJoCo, with the lift as criterion.
-        """
-        settings = asdict(self)
-        if self.engine == "mujoco":
-            del settings["engine"], settings["bullet"]
-        if self.criterion == "lift":
-            del settings["criterion"], settings["hold"]
-        return settings
 
 
 @dataclass(frozen=True)
@@ -109,26 +55,6 @@ class Verdicts:
 
     outcomes: UInt8[np.ndarray, "n"]
     held: Bool[np.ndarray, "n"]
-
-
-@dataclass(frozen=True)
-class _Poses:
-    """Attempts in float64: rotations (n, 3, 3) and poses (n, 4, 4) hand_to_world, and planar object poses (n, 7)."""
-
-    rotation: Float64[np.ndarray, "n 3 3"]
-    hand_to_world: Float64[np.ndarray, "n 4 4"]
-    object_to_world: Float64[np.ndarray, "n 7"]
-
-    @staticmethod
-    def of(attempts: Attempts) -> _Poses:
-        hands = np.array(
-            [
-                hand_pose(p.astype(np.float64), q.astype(np.float64))
-                for p, q in zip(attempts.position, attempts.quaternion, strict=True)
-            ]
-        ).reshape(-1, 4, 4)
-        objects = np.array([planar_pose(*row.astype(np.float64)) for row in attempts.object_pose]).reshape(-1, 7)
-        return _Poses(np.ascontiguousarray(hands[:, :3, :3]), hands, objects)
 
 
 class _ObjectBench:
@@ -200,7 +126,7 @@ class LiftTest:
 
     def _test(self, attempts: Attempts, hold: HoldConfig | None) -> Verdicts:
         self._check(attempts)
-        poses = _Poses.of(attempts)
+        poses = AttemptPoses.of(attempts)
         outcomes = np.full(len(attempts), Outcome.COLLISION, dtype=np.uint8)
         todo = ~self._hits_table(attempts, poses)
         for row in np.flatnonzero(todo):
@@ -218,7 +144,7 @@ class LiftTest:
 
     def observe(self, attempts: Attempts, observer: Observer) -> Outcome:
         """The outcome of the first attempt, with every control period of its physics shown to an observer."""
-        poses = _Poses.of(attempts[:1])
+        poses = AttemptPoses.of(attempts[:1])
         if self._hits_table(attempts[:1], poses)[0]:
             return Outcome.COLLISION
         if not self._reaches(poses.hand_to_world[0]):
@@ -228,7 +154,7 @@ class LiftTest:
     def feasible(self, attempts: Attempts) -> Bool[np.ndarray, "n"]:
         """Whether the arm can bring the open hand to h: neither UNREACHABLE nor COLLISION."""
         self._check(attempts)
-        poses = _Poses.of(attempts)
+        poses = AttemptPoses.of(attempts)
         above = ~self._hits_table(attempts, poses)
         return np.array(
             [
@@ -262,7 +188,7 @@ class LiftTest:
     def _reaches(self, hand_to_world: Float64[np.ndarray, "4 4"]) -> bool:
         return bool(reachable_branches(self.arm, hand_to_world, self.config.motion))
 
-    def _hits_table(self, attempts: Attempts, poses: _Poses) -> Bool[np.ndarray, "n"]:
+    def _hits_table(self, attempts: Attempts, poses: AttemptPoses) -> Bool[np.ndarray, "n"]:
         """Heights are linear along the approach, so its two ends decide."""
         hits = np.zeros(len(attempts), dtype=bool)
         for grasp_type, (points, radii) in self._open.items():
@@ -272,18 +198,23 @@ class LiftTest:
             hits[rows] = below_table(start, rotation, points, radii) | below_table(end, rotation, points, radii)
         return hits
 
-    def _far_away(self, attempts: Attempts, poses: _Poses, todo: Bool[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
+    def _far_away(self, attempts: Attempts, poses: AttemptPoses, todo: Bool[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
         far = np.zeros(len(attempts), dtype=bool)
         for index in np.unique(attempts.object_index[todo]):
             hull = self._bench(int(index)).hull
             for grasp_type, regions in self._reach.items():
                 rows = np.flatnonzero(todo & (attempts.object_index == index) & (attempts.grasp_type == grasp_type))
                 if len(rows):
-                    far[rows] = out_of_reach(_hull_in_hand(attempts[rows], poses, rows, hull), regions)
+                    far[rows] = out_of_reach(hull_in_hand(attempts[rows], poses, rows, hull), regions)
         return far
 
     def _decide(
-        self, attempts: Attempts, poses: _Poses, row: int, hold: HoldConfig | None, observer: Observer | None = None
+        self,
+        attempts: Attempts,
+        poses: AttemptPoses,
+        row: int,
+        hold: HoldConfig | None,
+        observer: Observer | None = None,
     ) -> Verdict:
         clearance = self._approach_clearance(attempts, poses, row)
         if clearance < 0.0:
@@ -308,24 +239,24 @@ class LiftTest:
             return Verdict(Outcome.DROPPED)
         return verdict
 
-    def _closes_freely(self, attempts: Attempts, poses: _Poses, row: int, approach_clearance: float) -> bool:
+    def _closes_freely(self, attempts: Attempts, poses: AttemptPoses, row: int, approach_clearance: float) -> bool:
         """Whether the hand, placed by `_approach_clearance`, certainly touches nothing while it comes and closes."""
         hand = self._bench(int(attempts.object_index[row])).hand
         grasp_type, pose = GraspType(attempts.grasp_type[row]), poses.hand_to_world[row]
         return min(approach_clearance, hand.closing_clearance(pose, grasp_type)) >= CLEARANCE
 
-    def _approach_clearance(self, attempts: Attempts, poses: _Poses, row: int) -> float:
+    def _approach_clearance(self, attempts: Attempts, poses: AttemptPoses, row: int) -> float:
         hand = self._bench(int(attempts.object_index[row])).hand
-        hand.object.set(*_properties(attempts, row))
+        hand.object.set(*properties(attempts, row))
         hand.place(GraspType(attempts.grasp_type[row]), poses.object_to_world[row])
         return hand.approach_clearance(poses.hand_to_world[row], self.config.motion.standoff)
 
     def _rig(self, attempts: Attempts, row: int) -> Rig:
         return self._bench(int(attempts.object_index[row])).rig
 
-    def _plan(self, attempts: Attempts, poses: _Poses, row: int) -> Motion | None:
+    def _plan(self, attempts: Attempts, poses: AttemptPoses, row: int) -> Motion | None:
         rig = self._rig(attempts, row)
-        rig.prepare(GraspType(attempts.grasp_type[row]), poses.object_to_world[row], _properties(attempts, row))
+        rig.prepare(GraspType(attempts.grasp_type[row]), poses.object_to_world[row], properties(attempts, row))
         return plan_motion(self.arm, poses.hand_to_world[row], self.config.motion, rig.collides)
 
 
@@ -334,21 +265,3 @@ def _engine_maker(config: LiftTestConfig) -> MakeEngine:
     if config.engine == "mujoco":
         return MujocoEngine
     return partial(BulletEngine, connect(), config.bullet)
-
-
-def _properties(attempts: Attempts, row: int) -> tuple[float, float, float, float]:
-    columns = (attempts.scale, attempts.mass_factor, attempts.lateral_friction, attempts.spinning_friction)
-    scale, mass_factor, lateral, spinning = (float(column[row]) for column in columns)
-    return scale, mass_factor, lateral, spinning
-
-
-def _hull_in_hand(
-    attempts: Attempts, poses: _Poses, rows: np.ndarray, hull: Float64[np.ndarray, "vertices 3"]
-) -> Float64[np.ndarray, "rows vertices 3"]:
-    """Vertices of the objects' convex hulls in the hand frames, metres."""
-    x, y, yaw = attempts.object_pose.astype(np.float64).T
-    cos, sin, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
-    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=-1).reshape(-1, 3, 3)
-    world = attempts.scale.astype(np.float64)[:, None, None] * (hull @ turn.transpose(0, 2, 1))
-    world += np.stack([x, y, zero], axis=-1)[:, None, :]
-    return (world - poses.hand_to_world[rows, None, :3, 3]) @ poses.rotation[rows]
