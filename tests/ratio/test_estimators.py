@@ -26,7 +26,7 @@ MakeHands = Callable[..., Hands]
 @pytest.fixture(scope="module")
 def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
     config = ImageConfig(encoder=encoder, widths=(16, 16))
-    configs = {"metric": MetricConfig(), "image": config, "joint": config, "full": FullConfig(objects=3)}
+    configs = {"metric": MetricConfig(), "image": config, "joint": config, "full": FullConfig(objects=3, octaves=2)}
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         estimators = {role: build(role, value) for role, value in configs.items()} | {"success": build("local", local)}
@@ -138,6 +138,22 @@ def test_object_frame_features_do_not_change_when_hand_and_object_move_together(
     moved = Hands((turn @ some.position[..., None]).squeeze(-1) + shift, turn @ some.rotation, some.grasp_type)
     after = in_object_frame(ObjectState(still.index, still.scale, pose, ones), moved)
     torch.testing.assert_close(after, in_object_frame(still, some), atol=1e-5, rtol=1e-5)
+
+
+def test_a_mesh_modulates_what_the_full_estimator_sees(hands: MakeHands, rng: torch.Generator) -> None:
+    """Without a modulation it changes nothing; one of a mesh changes the values of this mesh alone."""
+    config = FullConfig(objects=3, octaves=2, modulated=True)
+    estimator = build("full", config).eval()
+    plain = build("full", replace(config, modulated=False)).eval()
+    plain.load_state_dict({name: v for name, v in estimator.state_dict().items() if "modulation" not in name})
+    some, ones = hands((3, 4), rng), torch.ones(3, 4)
+    state = ObjectState(torch.arange(3), torch.ones(3), torch.zeros(3, 3), ones)
+    torch.testing.assert_close(estimator(state, some), plain(state, some))
+    with torch.no_grad():
+        estimator.modulation.weight[1] += 0.5
+    changed = (estimator(state, some) - plain(state, some)).abs().amax(-1)
+    assert changed[1] > 1e-3
+    assert changed[[0, 2]].max() < 1e-6
 
 
 def test_local_evidence_sees_an_obstacle_only_where_the_hand_is(local: LocalConfig) -> None:

@@ -136,17 +136,21 @@ class FullConfig:
         objects: Number of meshes.
         embedding: Length of the embedding of the mesh.
         widths: Widths of the hidden layers.
+        octaves: Sines and cosines of the place in the object's frame, at wavelengths of 42 cm, 21 cm, ...; so many.
+        modulated: Each mesh scales and shifts the first hidden layer, beside its embedding.
     """
 
     hand: HandConfig = field(default_factory=lambda: HandConfig(embedding=4))
     objects: int = 24
     embedding: int = 32
     widths: tuple[int, ...] = (256, 256, 128)
+    octaves: int = 0
+    modulated: bool = False
 
     def __post_init__(self) -> None:
         check_widths(self.widths)
-        if self.objects < 1 or self.embedding < 1:
-            raise InvalidConfigurationError(f"objects and embedding must be positive, got {self}")
+        if self.objects < 1 or self.embedding < 1 or self.octaves < 0:
+            raise InvalidConfigurationError(f"need objects and embedding >= 1 and octaves >= 0, got {self}")
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,8 @@ class FullSuccess(nn.Module):
     """Logit of p(S = 1 | O, p_O, beta, mu, h).
 
     It sees the hand in the world frame (reachability) and in the object's own frame, at scale 1 (contact), since O and
-    p_O are known.
+    p_O are known. What a centimetre changes differs from mesh to mesh: hence waves of the place, and a first layer that
+    the mesh modulates (FiLM, Perez et al. 2018).
     """
 
     def __init__(self, config: FullConfig) -> None:
@@ -178,13 +183,32 @@ class FullSuccess(nn.Module):
         self.config = config
         self.features = HandFeatures(config.hand)
         self.embedding = nn.Embedding(config.objects, config.embedding)
-        self.head = mlp((config.hand.width + 12 + config.embedding + 2, *config.widths, 1))
+        self.modulation = nn.Embedding(config.objects, 2 * config.widths[0]) if config.modulated else None
+        if self.modulation is not None:
+            nn.init.zeros_(self.modulation.weight)
+        width = config.hand.width + 12 + 6 * config.octaves + config.embedding + 2
+        self.head = mlp((width, *config.widths, 1))
 
     def forward(self, state: ObjectState, hands: Hands) -> Float[Tensor, "b k"]:
         """Logit for each scene with each of its hands."""
         known = torch.stack([(state.scale[:, None] - 1.0).expand_as(state.friction) * 10.0, state.friction], -1)
         mesh = self.embedding(state.index)[:, None].expand(*hands.shape, -1)
-        return self.head(torch.cat([self.features(hands), in_object_frame(state, hands), mesh, known], -1)).squeeze(-1)
+        relative = in_object_frame(state, hands)
+        parts = [self.features(hands), relative, *waves(relative[..., :3], self.config.octaves), mesh, known]
+        first, *rest = self.head
+        hidden: Tensor = first(torch.cat(parts, -1))
+        if self.modulation is not None:
+            scale, shift = self.modulation(state.index)[:, None].chunk(2, -1)
+            hidden = hidden * (1.0 + scale) + shift
+        for layer in rest:
+            hidden = layer(hidden)
+        return hidden.squeeze(-1)
+
+
+def waves(place: Float[Tensor, "b k 3"], octaves: int) -> list[Float[Tensor, "b k 3"]]:
+    """Sines and cosines of a place in decimetres, the first with a wavelength of 42 cm, each next with half of it."""
+    phases = [1.5 * 2.0**octave * place for octave in range(octaves)]
+    return [wave for phase in phases for wave in (phase.sin(), phase.cos())]
 
 
 def in_object_frame(state: ObjectState, hands: Hands) -> Float[Tensor, "b k 12"]:

@@ -23,6 +23,7 @@ from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.model import POWER
 from bayesgrasp.ratio.power import posterior_power
 from bayesgrasp.ratio.presets import Part
+from bayesgrasp.ratio.state import load_weights
 from bayesgrasp.ratio.train import Progress, Source, train
 from bayesgrasp.seeding import generator
 
@@ -189,7 +190,7 @@ def _fit_part(
     def begin() -> nn.Module:
         estimator = build(part.kind, part.config)
         if start is not None:
-            estimator.load_state_dict(start.state_dict())
+            load_weights(estimator, start.state_dict(), f"the {part.role} estimator to start from")
         return estimator
 
     result = train(

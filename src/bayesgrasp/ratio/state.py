@@ -113,7 +113,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
         raise CheckpointError(f"cannot read the weights {path}: {error}") from error
 
 
-def load_weights(module: nn.Module, tensors: dict[str, Tensor], path: Path) -> None:
+def load_weights(module: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> None:
     """Load weights, all of them and nothing else.
 
     Raises:
