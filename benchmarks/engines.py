@@ -229,7 +229,8 @@ def rate(label: np.ndarray) -> dict[str, Any]:
 def print_report(report: dict[str, Any]) -> None:
     """The report for people."""
     names = [o.name.lower() for o in Outcome]
-    print(f"{'mujoco \\ pybullet':18}" + "".join(f"{name:>12}" for name in names))
+    print("MuJoCo by row, PyBullet by column")
+    print(" " * 18 + "".join(f"{name:>12}" for name in names))
     for name in names:
         print(f"{name:18}" + "".join(f"{report['confusion'][name][other]:12d}" for other in names))
     for label in ("success", "success where the hand touched", "held"):
