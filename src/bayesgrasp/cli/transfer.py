@@ -30,11 +30,13 @@ def transfer(
     workers: int = os.cpu_count() or 1,
     resume: bool = False,
 ) -> None:
-    """Measure how many points of success strategies lose to another engine, other masses, frictions, sizes, a sensor.
+    """Measure what strategies lose to another engine, other objects, and another sensor.
 
-    Every shift meets the same scenes with the same random numbers. A strategy plans again only where the shift changes
-    what it looks at; otherwise the very same grasp is executed. Each shift is a benchmark of its own in OUT/SHIFT, so a
-    run that was interrupted goes on with --resume, which may also add shifts or attempts.
+    The shifts: PyBullet for MuJoCo, masses times 0.7 and 1.3, frictions at the ends of their prior, objects of 0.8 and
+    1.2 times their size, a stereo camera. Every shift meets the same scenes with the same random numbers. A strategy
+    plans again only where the shift changes what it looks at; otherwise the very same grasp is executed. Each shift is
+    a benchmark of its own in OUT/SHIFT, so a run that was interrupted goes on with --resume, which may also add shifts
+    or attempts.
 
     Args:
         out: Directory for transfer.json, transfer.md, transfer.png, and the results of every shift.
