@@ -4,20 +4,21 @@
 * Time from an image to its context at batch 1, and value and gradient at 1, 10, 1000, 3000 hands.
 * The paper's d_theta trained by this package and by `sbi` on the same simulations, for the same epochs and with the
   same batch size: time, and the same held-out loss of both. Needs the extra `bayesgrasp[bench]`; skipped without it.
+* The same with and without bfloat16, for several seeds: it does not hurt if the losses differ no more than seeds do.
 
     OMP_NUM_THREADS=1 MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_MMAP_THRESHOLD_=2000000000 \
-        python benchmarks/train.py [--pairs 4096] [--epochs 5] [--json FILE]
+        python benchmarks/train.py [--pairs 4096] [--epochs 5] [--seeds 3] [--json FILE]
 
 The two variables keep glibc from returning memory to the system after every step.
 """
 
 import importlib.util
-import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from json import dumps
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -34,7 +35,7 @@ from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvEncoder, HandConfig, HandFeatures
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.ratio.objectives import ImageObjective, Objective
-from bayesgrasp.ratio.presets import Setup, preset
+from bayesgrasp.ratio.presets import PresetName, Role, Setup, preset
 from bayesgrasp.ratio.train import TrainConfig, initialised, train
 from bayesgrasp.seeding import generator, torch_generator
 from bayesgrasp.simulators.analytic import AnalyticConfig, AnalyticGrasping
@@ -44,6 +45,7 @@ from bayesgrasp.types import Hands
 SCENES, HANDS, REPEATS = 32, 32, 5
 COUNTS = (1, 10, 1000, 3000)
 PRIOR = GraspPrior()
+ESTIMATORS: tuple[tuple[PresetName, Role], ...] = (("paper", "image"), ("paper", "success"), ("best", "success"))
 
 
 def seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
@@ -149,9 +151,9 @@ def held_out_loss(score: Callable[[Tensor, Hands], Tensor], pairs: Pairs, shifts
     return float(joint + torch.stack(marginal).mean())
 
 
-def by_us(training: Pairs, held_out: Pairs, epochs: int) -> dict[str, float]:
+def by_us(training: Pairs, held_out: Pairs, epochs: int, seed: int = 0, bf16: bool = True) -> dict[str, float]:
     """The paper's d_theta in this package's loop, NRE-A."""
-    schedule = TrainConfig(epochs=epochs)
+    schedule = TrainConfig(epochs=epochs, seed=seed, bf16=bf16)
     started = time.process_time()
     objective = ImageObjective(hands=1, shifts=1)
     result = train(lambda: build("image", ImageConfig()), objective, training, held_out, schedule)
@@ -204,32 +206,58 @@ def _both(vector: Callable[[Hands], Tensor], a: Pairs, b: Pairs) -> tuple[tuple[
     return (vector(a.hands), vector(b.hands)), (a.images, b.images)
 
 
-def main(pairs: int = 4096, epochs: int = 5, batch_size: int = 64, json_file: Path | None = None) -> None:
+def precision(training: Pairs, held_out: Pairs, epochs: int, seeds: int) -> dict[str, dict[str, list[float]]]:
+    """Held-out losses with and without bfloat16, on the same data with the same seeds."""
+    losses: dict[str, list[float]] = {}
+    times: dict[str, list[float]] = {}
+    for name, bf16 in (("bf16", True), ("fp32", False)):
+        runs = [by_us(training, held_out, epochs, seed, bf16) for seed in range(seeds)]
+        losses[name], times[name] = ([run[key] for run in runs] for key in ("held_out_loss", "cpu_s"))
+    return {"held_out_loss": losses, "cpu_s": times}
+
+
+def main(
+    pairs: int = 4096,
+    epochs: int = 5,
+    batch_size: int = 64,
+    seeds: int = 3,
+    json: Path | None = None,
+    speed: bool = True,
+) -> None:
     """Measure and print.
 
     Args:
-        pairs: Training pairs of the side-by-side comparison.
-        epochs: Of both trainers.
-        batch_size: Of both trainers.
-        json_file: Where the numbers go, too.
+        pairs: Training pairs of the comparisons.
+        epochs: Of all trainers.
+        batch_size: Of all trainers.
+        seeds: Runs with and without bfloat16; 0 leaves this comparison out.
+        json: Where the numbers go, too.
+        speed: Measure images per second and times of inference, too.
     """
-    result: dict[str, Any] = {"threads": torch.get_num_threads()}
-    for name, role in (("paper", "image"), ("paper", "success"), ("best", "success")):
-        (part,) = preset(name, Setup(), (role,))  # type: ignore[arg-type]
-        estimator = initialised(partial(build, part.kind, part.config), 0)
-        numbers = {
-            f"images_per_s_{'bf16' if b else 'fp32'}": training_rate(estimator, part.objective, b)
-            for b in (True, False)
-        }
-        result[f"{name} {role}"] = numbers | (inference(role, estimator) if role == "success" else {})
+    result: dict[str, Any] = {"threads": torch.get_num_threads(), "pairs": pairs, "epochs": epochs}
+    if speed:
+        result |= {f"{name} {role}": rates(name, role) for name, role in ESTIMATORS}
     training, held_out = simulated(pairs, 1, batch_size), simulated(1024, 2, batch_size)
     result["side by side"] = {"bayesgrasp": by_us(training, held_out, epochs)}
     if importlib.util.find_spec("sbi") is not None:
         result["side by side"]["sbi"] = by_sbi(training, held_out, epochs)
-    text = json.dumps(result, indent=1)
+    if seeds:
+        result["precision"] = precision(training, held_out, epochs, seeds)
+    text = dumps(result, indent=1)
     print(text)
-    if json_file is not None:
-        json_file.write_text(text + "\n", encoding="utf-8")
+    if json is not None:
+        json.write_text(text + "\n", encoding="utf-8")
+
+
+def rates(name: PresetName, role: Role) -> dict[str, float]:
+    """Speed of training of one estimator, and of inference where it is for planning."""
+    (part,) = preset(name, Setup(), (role,))
+    estimator = initialised(partial(build, part.kind, part.config), 0)
+    numbers = {
+        f"images_per_s_{'bf16' if bf16 else 'fp32'}": training_rate(estimator, part.objective, bf16)
+        for bf16 in (True, False)
+    }
+    return numbers | (inference(role, estimator) if role == "success" else {})
 
 
 if __name__ == "__main__":
