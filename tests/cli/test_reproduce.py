@@ -10,6 +10,7 @@ import pytest
 from bayesgrasp.cli.experiment import Experiment
 from bayesgrasp.cli.reproduce import Stages
 from bayesgrasp.cli.scales import SCALES
+from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.errors import InvalidConfigurationError
 
 
@@ -48,6 +49,9 @@ def test_the_full_experiment_is_the_papers() -> None:
     assert full.scenes == 1000
     assert full.split == "train"
     assert {"train", "unseen"} <= set(full.judged)
+    drawn, usual = (full.proposal, full.attempts_per_draw, full.scenes_per_draw), GenerateConfig()
+    assert drawn == (usual.proposal, usual.attempts_per_draw, usual.scenes_per_draw) == ("prior", 256, 8)
+    assert full.attempts >= 10**6
 
 
 def test_the_full_experiment_practises_as_the_shipped_weights_did(tmp_path: Path) -> None:

@@ -65,7 +65,9 @@ class Experiment:
             resume=True,
             split=self.scale.split,
             ycb_dir=self.ycb_dir,
+            proposal=self.scale.proposal,
             attempts_per_draw=self.scale.attempts_per_draw,
+            scenes_per_draw=self.scale.scenes_per_draw,
         )
 
     def train(self) -> None:

@@ -32,7 +32,8 @@ class Scale:
     Attributes:
         split: Training objects.
         attempts: Lift tests of the data set.
-        attempts_per_draw: See `bayesgrasp generate`.
+        proposal, attempts_per_draw, scenes_per_draw: See `bayesgrasp generate`; a small set needs the successes of the
+            adaptive proposal, whose weights matter less there.
         preset, estimators, batch_size, learning_rate: See `bayesgrasp train`.
         epochs: Passes over the training scenes of each estimator; those without an image cost little and need many.
         rounds: Practice after the first training.
@@ -44,7 +45,9 @@ class Scale:
 
     split: str
     attempts: int
+    proposal: Literal["prior", "adaptive"]
     attempts_per_draw: int
+    scenes_per_draw: int
     preset: Literal["paper", "best"]
     estimators: tuple[Estimator, ...]
     epochs: dict[str, int]
@@ -62,7 +65,9 @@ SCALES: dict[str, Scale] = {
     "small": Scale(
         split="stand-ins",
         attempts=32_768,
+        proposal="adaptive",
         attempts_per_draw=64,
+        scenes_per_draw=2,
         preset="best",
         estimators=("metric", "success", "full"),
         epochs={"metric": 15, "success": 3, "full": 30},
@@ -75,8 +80,10 @@ SCALES: dict[str, Scale] = {
     ),
     "full": Scale(
         split="train",
-        attempts=3_000_000,
-        attempts_per_draw=128,
+        attempts=1_000_000,
+        proposal="prior",
+        attempts_per_draw=256,
+        scenes_per_draw=8,
         preset="best",
         estimators=("metric", "success", "full"),
         epochs={"metric": 40, "success": 20, "full": 60},
