@@ -186,8 +186,8 @@ def summarize(
             "columns": "pybullet",
             **{n: dict(zip(names, row.tolist(), strict=True)) for n, row in zip(names, table, strict=True)},
         },
-        "success": agreement(success)
-        | {"where the hand touched": agreement({e: s[touched] for e, s in success.items()})},
+        "success": agreement(success),
+        "success where the hand touched": agreement({e: label[touched] for e, label in success.items()}),
         "held": agreement(held),
         "held given success": {e: rate(held[e][success[e]]) for e in ENGINES},
         "per_object": {

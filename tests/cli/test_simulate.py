@@ -66,3 +66,13 @@ def test_simulation_needs_something_to_do() -> None:
         simulate((), 10, 0)
     with pytest.raises(InvalidConfigurationError, match="at least one"):
         simulate(load_objects(["household_ball"]), 10, 0, workers=0, priors=Priors())
+
+
+def test_the_engine_and_the_criterion_can_be_chosen(tmp_path: Path) -> None:
+    pytest.importorskip("pybullet", reason="the second engine is the optional extra bayesgrasp[pybullet]")
+    report = tmp_path / "report.json"
+    options = ("--attempts", "60", "--split", "household_ball", "--workers", "1", "--seed", "4")
+    run(*options, "--engine", "pybullet", "--criterion", "hold", "--json", str(report))
+    summary = json.loads(report.read_text())
+    assert (summary["engine"], summary["criterion"]) == ("pybullet", "hold")
+    assert sum(summary["outcomes"].values()) == 60
