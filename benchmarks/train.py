@@ -227,7 +227,7 @@ def main(
     """Measure and print.
 
     Args:
-        pairs: Training pairs of the comparisons.
+        pairs: Training pairs of the comparisons; a quarter of them are held out beside.
         epochs: Of all trainers.
         batch_size: Of all trainers.
         seeds: Runs with and without bfloat16; 0 leaves this comparison out.
@@ -237,7 +237,7 @@ def main(
     result: dict[str, Any] = {"threads": torch.get_num_threads(), "pairs": pairs, "epochs": epochs}
     if speed:
         result |= {f"{name} {role}": rates(name, role) for name, role in ESTIMATORS}
-    training, held_out = simulated(pairs, 1, batch_size), simulated(1024, 2, batch_size)
+    training, held_out = simulated(pairs, 1, batch_size), simulated(max(batch_size, pairs // 4), 2, batch_size)
     result["side by side"] = {"bayesgrasp": by_us(training, held_out, epochs)}
     if importlib.util.find_spec("sbi") is not None:
         result["side by side"]["sbi"] = by_sbi(training, held_out, epochs)
