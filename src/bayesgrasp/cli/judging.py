@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bayesgrasp.cli.counting import progress_bar
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -51,24 +53,6 @@ def judge_all(court: Court, truths: Truths, workers: int) -> tuple[list[Judged],
             results.append(result)
             advance(len(results))
     return [judgement for judgement, _ in results], [values for _, values in results]
-
-
-@contextmanager
-def progress_bar(name: str, total: int) -> Iterator[Callable[[int], None]]:
-    """How far a part of the work is: count, time, time left."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description:10}"), BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn("left"), TimeRemainingColumn()) as bar:
-        task = bar.add_task(name, total=total)
-        yield lambda done: bar.update(task, completed=min(done, total))
 
 
 @contextmanager

@@ -47,7 +47,7 @@ COMMANDS: dict[str, Command] = {
     "render": Command("render:render", "Render the depth image of an object on the table."),
     "practice": Command(
         "practice:practice",
-        "Try the hands that a model proposes for new images, and keep the outcomes as training data.",
+        "Try the hands that a model proposes for new scenes, and keep the outcomes as training data.",
     ),
     "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
     "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
@@ -59,7 +59,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "data inspect": Command(
         "data:inspect",
-        "Print the manifest, the outcomes, the success of each object and the disk use, and draw a sheet of images.",
+        "Print the manifest, the outcomes, the success of each object, what its hands are worth and the disk use.",
     ),
     "diagnose": Command("diagnose:diagnose", "Judge a trained posterior by simulated successes that it has not seen."),
     "reproduce": Command(

@@ -72,7 +72,7 @@ def fresh(split: str, ycb_dir: Path | None, count: int, seed: int, workers: int)
     import torch
 
     from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.cli.judging import progress_bar
+    from bayesgrasp.cli.counting import progress_bar
     from bayesgrasp.data.fresh import fresh_pairs
     from bayesgrasp.data.planar import hands_of
 
