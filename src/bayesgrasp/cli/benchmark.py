@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -165,7 +166,7 @@ def _check_outputs(json: Path | None, out: Path | None, resume: bool, failures: 
 
 
 def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: int, path: Path) -> None:
-    """Rows of frames of failed grasps that reached physics, by object."""
+    """Rows of frames of failed grasps that reached physics; objects take turns, the most often failed ones first."""
     from PIL import Image
 
     from bayesgrasp.types import Outcome
@@ -174,7 +175,10 @@ def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: 
     name = "map_image"
     moved = {outcome.name.lower() for outcome in (Outcome.NO_CONTACT, Outcome.DROPPED)}
     failed = [r for r in results if name in r.trials and r.trials[name].outcome in moved]
-    attempts = [a for r in sorted(failed, key=lambda r: r.object)[:count] if (a := r.attempt(name)) is not None]
+    by_object = [[r for r in failed if r.object == index] for index in {r.object for r in failed}]
+    by_object.sort(key=len, reverse=True)
+    turns = [r for turn in zip_longest(*by_object) for r in turn if r is not None]
+    attempts = [a for r in turns[:count] if (a := r.attempt(name)) is not None]
     if attempts:
         config = chosen.shift.lift_test_config
         Image.fromarray(film_sheet(chosen.objects, attempts, config=config)).save(path)
