@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from bayesgrasp.data.practice import Proposer, Shown
     from bayesgrasp.posterior.potential import LogDensity
+    from bayesgrasp.ratio.model import GraspModel
     from bayesgrasp.types import Hands
 
 COPIES = 7
@@ -79,11 +80,10 @@ def practice(
     world = SimulatedWorld(objects)
     scene = ScenePrior(len(world.objects))
     manifest = describe(world, config, seed, scene, scenes * tries)
-    proposer: ImageProposer | ObjectProposer = ImageProposer(model.resolve())
     if estimator == "full":
         _check_objects(model, tuple(asset.id for asset in objects))
-        proposer = ObjectProposer(model.resolve())
         manifest = replace(manifest, config=manifest.config | {"practice": {"given": "object"}})
+    proposer = ModelProposer(model.resolve(), manifest.given)
     recipe = PracticeRecipe(world, config, seed, scene, proposer, manifest.given)
     store = open_store(out, manifest, resume)
     with progress_bar(scenes * tries) as observe:
@@ -105,52 +105,40 @@ def _check_objects(model: Path, ids: tuple[str, ...]) -> None:
 
 
 @dataclass(frozen=True)
-class ImageProposer:
-    """q(h | i) of a model, loaded in the worker that uses it.
+class ModelProposer:
+    """q(h | i), or q(h | O, p_O, beta, mu), of a model that is loaded in the worker that uses it.
 
     Attributes:
         directory: Of the model.
+        given: What the model is told of a scene.
     """
 
     directory: Path
-
-    def __call__(self) -> Proposer:
-        """The proposer."""
-        import torch
-
-        from bayesgrasp.ratio.checkpoint import load_model
-
-        model = load_model(self.directory)
-
-        def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
-            return _propose([model.given_image(torch.from_numpy(image)[None]) for image in shown.images], count, rng)
-
-        return propose
-
-
-@dataclass(frozen=True)
-class ObjectProposer:
-    """q(h | O, p_O, beta, mu) of a model, loaded in the worker that uses it.
-
-    Attributes:
-        directory: Of the model.
-    """
-
-    directory: Path
+    given: Literal["image", "object"]
 
     def __call__(self) -> Proposer:
         """The proposer."""
         from bayesgrasp.ratio.checkpoint import load_model
 
         model = load_model(self.directory)
+        ratios = _given_images if self.given == "image" else _given_objects
 
         def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
-            scenes = shown.scenes
-            known = zip(scenes.object_index, scenes.scale, scenes.object_pose, shown.friction, strict=True)
-            ratios = [model.given_object(int(o), float(s), (p[0], p[1], p[2]), float(mu)) for o, s, p, mu in known]
-            return _propose(ratios, count, rng)
+            return _propose(ratios(model, shown), count, rng)
 
         return propose
+
+
+def _given_images(model: GraspModel, shown: Shown) -> list[LogDensity]:
+    import torch
+
+    return [model.given_image(torch.from_numpy(image)[None]) for image in shown.images]
+
+
+def _given_objects(model: GraspModel, shown: Shown) -> list[LogDensity]:
+    scenes = shown.scenes
+    known = zip(scenes.object_index, scenes.scale, scenes.object_pose, shown.friction, strict=True)
+    return [model.given_object(int(o), float(s), (p[0], p[1], p[2]), float(mu)) for o, s, p, mu in known]
 
 
 def _propose(ratios: Sequence[LogDensity], count: int, rng: np.random.Generator) -> Hands:

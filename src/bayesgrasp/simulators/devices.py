@@ -7,6 +7,7 @@ steps of matching the sensor asks whether a point is seen from the device's seco
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -124,19 +125,9 @@ class StructuredLight:
 
     def match(self, frame: Frame, around: Around, pixels: Pixels) -> Matches:
         """See `Device`."""
-        lit = around.hidden if self.shadow else np.zeros_like(around.hidden)
-        found: Matches = light.match(
-            frame.view,
-            around.planes,
-            around.region,
-            around.noise,
-            self.constants,
-            around.near,
-            lit,
-            pixels.rows,
-            pixels.columns,
-        )
-        return found
+        if not self.shadow:
+            around = around._replace(hidden=np.zeros_like(around.hidden))
+        return _matched(light.match, self.constants, frame, around, pixels)
 
     def sense_matches(
         self,
@@ -178,18 +169,7 @@ class StereoPair:
 
     def match(self, frame: Frame, around: Around, pixels: Pixels) -> Matches:
         """See `Device`."""
-        found: Matches = stereo.match(
-            frame.view,
-            around.planes,
-            around.region,
-            around.noise,
-            self.constants,
-            around.near,
-            around.hidden,
-            pixels.rows,
-            pixels.columns,
-        )
-        return found
+        return _matched(stereo.match, self.constants, frame, around, pixels)
 
     def sense_matches(
         self,
@@ -207,6 +187,14 @@ class StereoPair:
 def device_of(config: SensorConfig) -> Device:
     """The device that a configuration describes."""
     return StereoPair(config) if isinstance(config, StereoConfig) else StructuredLight(config)
+
+
+def _matched(
+    kernel: Callable[..., Matches], constants: object, frame: Frame, around: Around, pixels: Pixels
+) -> Matches:
+    """What a device's kernel matches pixels to."""
+    planes, region, near, hidden, noise = around
+    return kernel(frame.view, planes, region, noise, constants, near, hidden, pixels.rows, pixels.columns)
 
 
 def lattice(
