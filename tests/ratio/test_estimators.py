@@ -34,11 +34,13 @@ def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
 
 
 def every_ratio(model: GraspModel, image: torch.Tensor) -> dict[str, LogRatio]:
-    paper = GraspModel({role: model.estimators[role] for role in ("metric", "image")}, {})
+    paper, joint = (
+        GraspModel({role: model.estimators[role] for role in roles}, {}) for roles in (("metric", "image"), ("joint",))
+    )
     return {
         "success": model.given_image(image),
         "factorised": paper.given_image(image),
-        "joint": model.given_image_jointly(image),
+        "joint": joint.given_image(image),
         "metric": model.given_success(),
         "full": model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8),
     }

@@ -38,7 +38,7 @@ from bayesgrasp.posterior.potential import (
     posterior_potential,
     prior_potential,
 )
-from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.ratio.model import GraspModel, route_given_image
 from bayesgrasp.types import Hands
 
 PRIOR = ("prior_sample", "prior_argmax")
@@ -80,7 +80,7 @@ def missing(name: str, roles: Sequence[str]) -> str | None:
     """What a model with these estimators lacks for a strategy, in words; None where nothing."""
     if name in METRIC and "metric" not in roles:
         return "the model has no metric estimator, p(S=1 | h)"
-    if (name in IMAGE or name == "plan") and "success" not in roles and not {"image", "metric"} <= set(roles):
+    if (name in IMAGE or name == "plan") and route_given_image(roles) is None:
         return "the model has no estimator of p(S=1, i | h)"
     if name in FULL and "full" not in roles:
         return "the model has no full-observation estimator"

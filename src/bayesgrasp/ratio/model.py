@@ -2,6 +2,7 @@
 
     success     a log p(S=1 | i, h)                         = log r(S=1, i | h) + a constant in h   (a: `power.py`)
     image       log r(i | S=1, h) + log r(S=1 | h)          = log r(S=1, i | h)    (paper, eq. 4)
+    joint       log r(S=1, i | h) by one network: the ablation
     metric      log r(S=1 | h), no image
     full        log p(S=1 | O, p_O, beta, mu, h)            = log r(S=1, O, p_O, beta, mu | h) + a constant in h
 
@@ -10,7 +11,7 @@ Each is a callable on hands of any batch shape, differentiable in position and r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ from bayesgrasp.ratio.estimators import ObjectState
 from bayesgrasp.types import Hands
 
 ROLES = ("metric", "image", "joint", "success", "full")
+IMAGE_ROUTES = (("success",), ("image", "metric"), ("joint",))
+"""Estimators that make log r(S=1, i | h), the preferred ones first."""
 POWER = "power"
 """Entry of a card: by role, the power of the ratio at which its posterior is calibrated (`power.py`)."""
 
@@ -125,8 +128,10 @@ class GraspModel:
         """The power of p(S=1 | i, h) in the posterior; 1 for a model that was never calibrated."""
         return float(self.card.get(POWER, {}).get("success", 1.0))
 
-    def given_image(self, image: Float[Tensor, "1 height width"]) -> SuccessGivenImage | FactorisedRatio:
-        """Log r(S=1, i | h) as a function of h, up to a constant, by the best estimator that the model has.
+    def given_image(
+        self, image: Float[Tensor, "1 height width"]
+    ) -> SuccessGivenImage | FactorisedRatio | JointGivenImage:
+        """Log r(S=1, i | h) as a function of h, up to a constant, by the first of `IMAGE_ROUTES` that the model has.
 
         Args:
             image: Depth image, metres, 0 = no return, as the network was trained on.
@@ -134,14 +139,12 @@ class GraspModel:
         Raises:
             CheckpointError: The model has no estimator for it.
         """
-        if "success" in self.estimators:
+        route = route_given_image(self.estimators)
+        if route == ("success",):
             return SuccessGivenImage(self.estimators["success"], self._encode("success", image), self.power)
-        image_ratio, metric = self._role("image"), self._role("metric")
-        return FactorisedRatio(image_ratio, metric, self._encode("image", image))
-
-    def given_image_jointly(self, image: Float[Tensor, "1 height width"]) -> JointGivenImage:
-        """The same by one network over (S, i), the ablation."""
-        return JointGivenImage(self._role("joint"), self._encode("joint", image))
+        if route == ("joint",):
+            return JointGivenImage(self.estimators["joint"], self._encode("joint", image))
+        return FactorisedRatio(self._role("image"), self._role("metric"), self._encode("image", image))
 
     def given_success(self) -> MetricOnly:
         """Log r(S=1 | h)."""
@@ -169,6 +172,11 @@ class GraspModel:
     def _encode(self, role: str, image: Tensor) -> Any:
         with torch.no_grad():
             return self._role(role).encode(image[None])  # type: ignore[operator]
+
+
+def route_given_image(roles: Collection[str]) -> tuple[str, ...] | None:
+    """The first of `IMAGE_ROUTES` that is among the roles; None where there is none."""
+    return next((route for route in IMAGE_ROUTES if set(route) <= set(roles)), None)
 
 
 def as_row(hands: Hands) -> Hands:
