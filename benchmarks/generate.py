@@ -36,6 +36,8 @@ from bayesgrasp.types import CameraNuisances, Scenes
 
 EPOCHS = 20
 """Passes over the images, to time the loader."""
+STAGE_CHUNKS = 12
+"""Chunks over which stages are timed."""
 
 
 @dataclass(frozen=True)
@@ -91,27 +93,13 @@ def main(options: Options) -> None:
 
 
 def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> dict[str, float]:
-    """Processor time of each stage of a chunk."""
+    """Processor time of each stage, over several chunks: objects differ in what they cost."""
     maker = ChunkMaker(world(), config, 0, scene)
     prior = Proposal.prior(scene.num_objects)
     maker.make(0, config.attempts_per_chunk, prior)  # compile models and kernels
-    clock = [time.process_time()]
-    attempts = maker.propose(1, config.attempts_per_chunk, prior)
-    clock.append(time.process_time())
-    attempts = replace(attempts, outcome=maker.world.lift_test(attempts))
-    clock.append(time.process_time())
-    chunk = maker.make(1, config.attempts_per_chunk, prior)
-    clock.append(time.process_time())
-    camera = CameraNuisances(
-        **{name: chunk.scenes.columns()[f"camera_{name}"] for name in CameraNuisances.__dataclass_fields__}
+    propose, lift, whole, render, store, n, m = np.sum(
+        [one_chunk(maker, number, config.attempts_per_chunk, prior) for number in range(1, 1 + STAGE_CHUNKS)], axis=0
     )
-    where = Scenes(chunk.scenes.object_index, chunk.scenes.scale, chunk.scenes.object_pose)
-    maker.world.render(where, camera, np.random.default_rng(0))
-    clock.append(time.process_time())
-    encode(chunk, 1)
-    clock.append(time.process_time())
-    propose, lift, whole, render, store = np.diff(clock)
-    n, m = len(chunk.attempts), len(chunk.scenes)
     return {
         "propose (prior), us an attempt": propose / n * 1e6,
         "lift test, us an attempt": lift / n * 1e6,
@@ -121,6 +109,26 @@ def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> 
         "images per second": m / render,
         "encode, us an attempt with its share of scenes": store / n * 1e6,
     }
+
+
+def one_chunk(maker: ChunkMaker, number: int, size: int, prior: Proposal) -> list[float]:
+    """Processor seconds of proposing, lifting, making the whole, rendering and encoding; attempts and scenes."""
+    clock = [time.process_time()]
+    attempts = maker.propose(number, size, prior)
+    clock.append(time.process_time())
+    attempts = replace(attempts, outcome=maker.world.lift_test(attempts))
+    clock.append(time.process_time())
+    chunk = maker.make(number, size, prior)
+    clock.append(time.process_time())
+    camera = CameraNuisances(
+        **{name: chunk.scenes.columns()[f"camera_{name}"] for name in CameraNuisances.__dataclass_fields__}
+    )
+    where = Scenes(chunk.scenes.object_index, chunk.scenes.scale, chunk.scenes.object_pose)
+    maker.world.render(where, camera, np.random.default_rng(0))
+    clock.append(time.process_time())
+    encode(chunk, 1)
+    clock.append(time.process_time())
+    return [*np.diff(clock), len(chunk.attempts), len(chunk.scenes)]
 
 
 def end_to_end(
