@@ -136,7 +136,7 @@ class Pairs:
 
 def simulated(count: int, seed: int, batch_size: int) -> Pairs:
     """Pairs of the analytic problem with images of 160 x 256."""
-    picture = BarImage(size=(160, 256), pixel=0.0015625, noise=0.4)
+    picture = BarImage(size=(160, 256), pixel=0.0015625, noise=0.1)
     draws = AnalyticGrasping(PRIOR, AnalyticConfig(image=picture)).sample_successes(count, generator(seed))
     return Pairs(draws.image, draws.hands, batch_size)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -64,7 +64,7 @@ def benchmark(
         failures: With --out, picture this many failures of the MAP from one image: failures.png.
     """
     from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.benchmark.runner import Benchmark, skipped
+    from bayesgrasp.benchmark.runner import Benchmark
     from bayesgrasp.benchmark.shifts import find_shift
     from bayesgrasp.benchmark.strategies import STRATEGIES
     from bayesgrasp.benchmark.tables import markdown, summarize
@@ -82,19 +82,33 @@ def benchmark(
         search_config(starts, steps),
         shift=find_shift(shift, engine),
     )
-    reasons = skipped(chosen, card)
-    for name, reason in reasons.items():
-        print(f"{name}: skipped: {reason}")
+    reasons = announce_skipped(chosen, card)
     results = run_with_progress(chosen, card, attempts, workers, out, resume)
-    origin = {"seed": seed, "split": split, "starts": starts, "steps": steps, "data": card.get("data")}
-    origin |= {"engine": chosen.shift.engine, "shift": shift}
-    summary = {**origin, "commit": card.get("commit"), **summarize(results, reasons)}
+    summary = describe_run(chosen, card, split) | {"engine": chosen.shift.engine, "shift": shift}
+    summary |= summarize(results, reasons)
     print(markdown(summary, split), end="")
     if json is not None:
         json.write_text(json_module.dumps(summary, indent=1) + "\n", encoding="utf-8")
     if out is not None:
         write_results(summary, out, split)
         _write_failures(chosen, results, failures, out / "failures.png")
+
+
+def announce_skipped(chosen: Benchmark, card: Mapping[str, Any]) -> dict[str, str]:
+    """Say which strategies cannot run, or not on all objects, and why."""
+    from bayesgrasp.benchmark.runner import skipped
+
+    reasons = skipped(chosen, card)
+    for name, reason in reasons.items():
+        print(f"{name}: skipped: {reason}")
+    return reasons
+
+
+def describe_run(chosen: Benchmark, card: Mapping[str, Any], split: str) -> dict[str, Any]:
+    """Where the results of a run come from, for its summary."""
+    ascent = chosen.search.ascent
+    origin = {"seed": chosen.seed, "split": split, "starts": ascent.starts_per_type, "steps": ascent.steps}
+    return origin | {"data": card.get("data"), "commit": card.get("commit")}
 
 
 @dataclass(frozen=True)

@@ -55,11 +55,18 @@ def transfer(
         resume: Go on with the run in --out, or start it where there is none.
     """
     from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.benchmark.runner import Benchmark, skipped
+    from bayesgrasp.benchmark.runner import Benchmark
     from bayesgrasp.benchmark.shifts import NONE, SHIFTS, find_shift
     from bayesgrasp.benchmark.strategies import STRATEGIES
     from bayesgrasp.benchmark.tables import summarize
-    from bayesgrasp.cli.benchmark import LoadModel, run_with_progress, search_config, write_results
+    from bayesgrasp.cli.benchmark import (
+        LoadModel,
+        announce_skipped,
+        describe_run,
+        run_with_progress,
+        search_config,
+        write_results,
+    )
     from bayesgrasp.cli.loading import DEFAULT_MODEL
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.ratio.checkpoint import read_card
@@ -76,11 +83,8 @@ def transfer(
         seed,
         search_config(starts, steps),
     )
-    reasons = skipped(chosen, card)
-    for name, reason in reasons.items():
-        print(f"{name}: skipped: {reason}")
-    origin = {"seed": seed, "split": split, "starts": starts, "steps": steps, "data": card.get("data")}
-    origin |= {"commit": card.get("commit"), "skipped": reasons}
+    reasons = announce_skipped(chosen, card)
+    origin = describe_run(chosen, card, split) | {"skipped": reasons}
     results: dict[str, Sequence[SceneResult]] = {}
     for shift in named:
         shifted, known = replace(chosen, shift=shift), results.get(NONE.name, ())
