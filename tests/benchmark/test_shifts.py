@@ -121,7 +121,8 @@ def test_an_engine_may_be_named_beside_a_shift() -> None:
     assert find_shift("none") is NONE
     assert find_shift("pybullet").engine == "pybullet"
     assert find_shift("mass-0.7", "pybullet") == replace(SHIFTS["mass-0.7"], engine="pybullet")
-    assert find_shift("pybullet", "mujoco").engine == "mujoco"
+    with pytest.raises(InvalidConfigurationError, match="leave out"):
+        find_shift("pybullet", "mujoco")
 
 
 def test_what_is_no_shift_is_refused() -> None:

@@ -115,10 +115,12 @@ def find_shift(name: str, engine: Engine | None = None) -> Shift:
     """A shift by name, in another engine if one is given.
 
     Raises:
-        InvalidConfigurationError: There is no such shift.
+        InvalidConfigurationError: There is no such shift, or it is the other engine.
     """
     if name not in SHIFTS:
         raise InvalidConfigurationError(f"there is no shift '{name}'; choose from {', '.join(SHIFTS)}")
+    if name == "pybullet" and engine == "mujoco":
+        raise InvalidConfigurationError("the shift 'pybullet' runs in PyBullet: leave out --engine mujoco, or --shift")
     return SHIFTS[name] if engine is None else replace(SHIFTS[name], engine=engine)
 
 

@@ -95,9 +95,7 @@ def read_table(path: Path, index: int) -> pa.Table:
     except FileNotFoundError as error:
         raise DataError(f"{path} is missing; run `generate --resume --repair`") from error
     except (pa.ArrowException, OSError) as error:
-        raise DataError(
-            f"{path} is damaged ({error}); delete it and run `generate --resume` to make it again"
-        ) from error
+        raise DataError(f"{path} is damaged ({error}); run `generate --resume --repair` to make it again") from error
     _check(path, table.schema.metadata or {}, index)
     return table
 

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.ratio.layers import ConvConfig, ConvEncoder, HandConfig, HandFeatures, mlp
+from bayesgrasp.ratio.layers import ACTIVATIONS, Activation, ConvConfig, ConvEncoder, HandConfig, HandFeatures, mlp
 from bayesgrasp.types import Hands
 
 
@@ -29,13 +29,15 @@ class MetricConfig:
     Attributes:
         hand: The hand as a vector.
         widths: Widths of the hidden layers; with the output they are the paper's two layers and one number.
+        activation: Of the hidden layers; the paper does not say.
     """
 
     hand: HandConfig = field(default_factory=HandConfig)
     widths: tuple[int, ...] = (128, 128)
+    activation: Activation = "silu"
 
     def __post_init__(self) -> None:
-        check_widths(self.widths)
+        check_head(self.widths, self.activation)
 
 
 class MetricRatio(nn.Module):
@@ -45,7 +47,7 @@ class MetricRatio(nn.Module):
         super().__init__()
         self.config = config
         self.features = HandFeatures(config.hand)
-        self.head = mlp((config.hand.width + 1, *config.widths, 1))
+        self.head = mlp((config.hand.width + 1, *config.widths, 1), config.activation)
 
     def forward(self, success: Float[Tensor, "*batch"], hands: Hands) -> Float[Tensor, "*batch"]:
         """Log-ratio of S (0 or 1) and hands of the same batch shape."""
@@ -61,14 +63,16 @@ class ImageConfig:
         hand: The hand as a vector.
         encoder: The image encoder.
         widths: Widths of the hidden layers of the head.
+        activation: Of these layers; the paper does not say.
     """
 
     hand: HandConfig = field(default_factory=HandConfig)
     encoder: ConvConfig = field(default_factory=ConvConfig)
     widths: tuple[int, ...] = (256, 256)
+    activation: Activation = "silu"
 
     def __post_init__(self) -> None:
-        check_widths(self.widths)
+        check_head(self.widths, self.activation)
 
 
 class _OnImage(nn.Module):
@@ -83,7 +87,7 @@ class _OnImage(nn.Module):
         self.encoder = ConvEncoder(config.encoder)
         # The first layer in two parts: the image's share is computed once for all its hands.
         self.from_image = nn.Linear(config.encoder.width, config.widths[0], bias=False)
-        self.head = mlp((config.hand.width + self.extra, *config.widths, 1))
+        self.head = mlp((config.hand.width + self.extra, *config.widths, 1), config.activation)
 
     def encode(self, images: Float[Tensor, "b 1 height width"]) -> Float[Tensor, "b features"]:
         """The image's share of the first layer."""
@@ -148,7 +152,7 @@ class FullConfig:
     modulated: bool = False
 
     def __post_init__(self) -> None:
-        check_widths(self.widths)
+        check_head(self.widths)
         if self.objects < 1 or self.embedding < 1 or self.octaves < 0:
             raise InvalidConfigurationError(f"need objects and embedding >= 1 and octaves >= 0, got {self}")
 
@@ -222,11 +226,13 @@ def in_object_frame(state: ObjectState, hands: Hands) -> Float[Tensor, "b k 12"]
     return torch.cat([position * 10.0, (world_to_object @ hands.rotation).flatten(-2)], -1)
 
 
-def check_widths(widths: tuple[int, ...]) -> None:
-    """Refuse an empty list of layers, or an empty layer.
+def check_head(widths: tuple[int, ...], activation: str = "silu") -> None:
+    """Refuse an empty list of layers, an empty layer, or an unknown activation.
 
     Raises:
         InvalidConfigurationError: As said.
     """
     if not widths or min(widths) < 1:
         raise InvalidConfigurationError(f"widths must be one or more positive numbers, got {widths}")
+    if activation not in ACTIVATIONS:
+        raise InvalidConfigurationError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {activation!r}")

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.ratio.estimators import check_widths
+from bayesgrasp.ratio.estimators import check_head
 from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, sample
 from bayesgrasp.ratio.layers import HandConfig, HandFeatures, conv_stage, mlp
 from bayesgrasp.types import Hands
@@ -63,7 +63,7 @@ class LocalConfig:
     window: Window | None = None
 
     def __post_init__(self) -> None:
-        check_widths(self.widths)
+        check_head(self.widths)
         (top, left, height, width), view = self.seen, self.evidence.view
         if min(top, left) < 0 or min(height, width) < 1 or top + height > view.height or left + width > view.width:
             raise InvalidConfigurationError(f"window {self.window} does not fit {view.height} x {view.width} pixels")
