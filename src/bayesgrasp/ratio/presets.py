@@ -99,7 +99,7 @@ def preset(
     # Without convolutions bfloat16 saves nothing, and rounds the place of a hand to a millimetre.
     fast = replace(train, learning_rate=2 * train.learning_rate, bf16=False)
     metric = replace(fast, mirror=0.5, weight_decay=0.1)
-    image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)))
+    image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)), activation="relu")
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
     else:
