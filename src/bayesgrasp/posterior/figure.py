@@ -57,7 +57,7 @@ def draw_grasps(
     """The depth image with the best grasp in it, and the palms and approach directions of the others."""
     low, high = _depth_range(plan, depth)
     image = axes.imshow(np.where(depth > 0, depth, np.nan), cmap="viridis_r", vmin=low, vmax=high)
-    axes.figure.colorbar(image, ax=axes, shrink=0.75).ax.set_title("depth (m)", fontsize="medium")
+    axes.figure.colorbar(image, ax=axes, shrink=0.75).ax.set_title("depth (m)", fontsize="medium", loc="left")
     for grasp in plan.grasps[1:]:
         _draw_arrow(axes, grasp, camera, hand)
     if plan.grasps:
