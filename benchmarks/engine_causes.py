@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import tyro
-from engines import ENGINES, Comparison, Options, columns, judged
+from engines import ENGINES, Comparison, Options, tried
 
 from bayesgrasp.assets.catalogue import load_objects
 from bayesgrasp.assets.object_asset import ObjectAsset
@@ -72,29 +72,19 @@ def sticky(config: LiftTestConfig) -> LiftTestConfig:
 
 AS_THEY_WERE = Change("as they were")
 STICKY_FRICTION = Change(f"friction ratio {STICKY:g}", sticky)
-CHANGES = {
-    "mujoco": (
-        AS_THEY_WERE,
-        Change("no torsional friction", attempts=without_torsion),
-        Change("half the time step", finer),
-        Change("three times the iterations", iterated),
-        STICKY_FRICTION,
-    ),
-    "pybullet": (
-        AS_THEY_WERE,
-        Change("no torsional friction", attempts=without_torsion),
-        Change("half the time step", finer),
-        Change("three times the iterations", iterated),
-    ),
-}
+IN_BOTH = (
+    AS_THEY_WERE,
+    Change("no torsional friction", attempts=without_torsion),
+    Change("half the time step", finer),
+    Change("three times the iterations", iterated),
+)
+CHANGES = {"mujoco": (*IN_BOTH, STICKY_FRICTION), "pybullet": IN_BOTH}
 
 
 def main(options: Options) -> None:
     """Judge and report."""
     comparison = Comparison(load_objects(options.split, options.ycb_dir), options.seed)
-    chunks = list(judged(comparison, options))
-    attempts = Attempts.cat([comparison.attempts(chunk.number) for chunk in chunks])[: options.attempts]
-    outcomes, _ = columns(chunks, options.attempts)
+    attempts, outcomes, _ = tried(comparison, options)
     success = {engine: outcomes[engine] == Outcome.SUCCESS for engine in ENGINES}
     disputed = np.flatnonzero(success["mujoco"] != success["pybullet"])
     lifted = np.flatnonzero(success["mujoco"])

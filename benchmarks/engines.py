@@ -105,9 +105,7 @@ class Comparison:
 def main(options: Options) -> None:
     """Compare and report."""
     comparison = Comparison(load_objects(options.split, options.ycb_dir), options.seed)
-    chunks = list(judged(comparison, options))
-    attempts = Attempts.cat([comparison.attempts(chunk.number) for chunk in chunks])[: options.attempts]
-    outcomes, held = columns(chunks, options.attempts)
+    attempts, outcomes, held = tried(comparison, options)
     report = summarize(attempts, outcomes, held, comparison.objects)
     report["command"] = (
         f"python benchmarks/engines.py --attempts {options.attempts} --split {options.split} --seed {options.seed} "
@@ -118,6 +116,13 @@ def main(options: Options) -> None:
         options.out.write_text(json.dumps(report, indent=1) + "\n")
     if options.picture is not None:
         draw(attempts, outcomes, comparison.objects, options)
+
+
+def tried(comparison: Comparison, options: Options) -> tuple[Attempts, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The attempts, and by engine their outcomes and whether they held."""
+    chunks = list(judged(comparison, options))
+    attempts = Attempts.cat([comparison.attempts(chunk.number) for chunk in chunks])[: options.attempts]
+    return attempts, *columns(chunks, options.attempts)
 
 
 def judged(comparison: Comparison, options: Options) -> Iterator[Chunk]:

@@ -1,8 +1,9 @@
 """The whole chain on a problem whose posterior is known: simulate, train, infer, compare with exact draws.
 
 Both routes are trained on the analytic problem (`simulators/analytic.py`): the two networks of the paper by Algorithm
-1, and p(S=1 | i, h) on successes and failures. Their product with the prior is compared with the closed form: by a
-classifier two-sample test for single images, and by the expected coverage of highest-density regions over many.
+1, and p(S=1 | i, h) on successes and failures. Their product with the prior is compared with the closed form: by the
+expected coverage of highest-density regions over many images, and for the paper's route by a classifier two-sample test
+for single ones.
 """
 
 from collections.abc import Callable, Iterator

@@ -119,9 +119,12 @@ def find_shift(name: str, engine: Engine | None = None) -> Shift:
     """
     if name not in SHIFTS:
         raise InvalidConfigurationError(f"there is no shift '{name}'; choose from {', '.join(SHIFTS)}")
-    if name == "pybullet" and engine == "mujoco":
-        raise InvalidConfigurationError("the shift 'pybullet' runs in PyBullet: leave out --engine mujoco, or --shift")
-    return SHIFTS[name] if engine is None else replace(SHIFTS[name], engine=engine)
+    shift = SHIFTS[name]
+    if engine is None:
+        return shift
+    if shift.engine not in (NONE.engine, engine):
+        raise InvalidConfigurationError(f"the shift '{name}' runs in {shift.engine}: leave out --engine {engine}")
+    return replace(shift, engine=engine)
 
 
 def _at(interval: Interval, place: float) -> np.float32:

@@ -189,7 +189,7 @@ def _write_failures(chosen: Benchmark, results: tuple[SceneResult, ...], count: 
     name = "map_image"
     moved = {outcome.name.lower() for outcome in (Outcome.NO_CONTACT, Outcome.DROPPED)}
     failed = [r for r in results if name in r.trials and r.trials[name].outcome in moved]
-    by_object = [[r for r in failed if r.object == index] for index in {r.object for r in failed}]
+    by_object = [[r for r in failed if r.object == item] for item in dict.fromkeys(r.object for r in failed)]
     by_object.sort(key=len, reverse=True)
     turns = [r for turn in zip_longest(*by_object) for r in turn if r is not None]
     attempts = [a for r in turns[:count] if (a := r.attempt(name)) is not None]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bayesgrasp.data.practice import Proposer, Shown
+    from bayesgrasp.data.store import Given
     from bayesgrasp.posterior.potential import LogDensity
     from bayesgrasp.ratio.model import GraspModel
     from bayesgrasp.types import Hands
@@ -114,7 +115,7 @@ class ModelProposer:
     """
 
     directory: Path
-    given: Literal["image", "object"]
+    given: Given
 
     def __call__(self) -> Proposer:
         """The proposer."""
