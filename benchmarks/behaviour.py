@@ -18,6 +18,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bayesgrasp
+
 Record = dict[str, Any]
 TIMES = ("seconds", "time")
 """Numbers under names that contain one of these are times of this run, not results."""
@@ -95,7 +97,8 @@ def data(folder: Path) -> Record:
 
 def practice(folder: Path) -> Record:
     """What the shipped model proposes for new scenes, and how it ends."""
-    _bayesgrasp("practice", "--scenes", 16, "--split", "stand-ins", "--out", folder / "practice")
+    shipped = Path(bayesgrasp.__file__).parent / "weights"
+    _bayesgrasp("practice", "--model", shipped, "--scenes", 16, "--split", "stand-ins", "--out", folder / "practice")
     return {"shards": _digest(*sorted((folder / "practice").rglob("*.parquet")))}
 
 
