@@ -12,20 +12,20 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from bayesgrasp.assets.arm import JOINTS, ArmDescription, ur5
-from bayesgrasp.assets.arm_model import add_arm
-from bayesgrasp.assets.gripper_model import add_gripper
-from bayesgrasp.assets.robotiq_3f import robotiq_3f
-from bayesgrasp.assets.scene import new_spec
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.planner import (
+from bayesgrasp.robot.arm import JOINTS, ArmDescription, ur5
+from bayesgrasp.robot.arm_model import add_arm
+from bayesgrasp.robot.gripper_model import add_gripper
+from bayesgrasp.robot.motion import (
     MotionConfig,
     approach_pose,
     lifted_pose,
     reachable_branches,
     straight_path,
 )
+from bayesgrasp.robot.physics_scene import new_spec
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
+from bayesgrasp.seeding import generator
 from bayesgrasp.types import GraspType
 
 DISTANCES = (-0.40, -0.45, -0.50, -0.55)

@@ -25,17 +25,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.assets.object_asset import ObjectAsset
+from bayesgrasp.depth import sensor as depth_module
+from bayesgrasp.depth.mesh_tree import MeshTree
+from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.geometry.camera import Camera
+from bayesgrasp.geometry.camera_nuisances import disturbed_camera
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.nuisance import CameraPrior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators import depth as depth_module
-from bayesgrasp.simulators.depth import DepthSensor
-from bayesgrasp.simulators.mesh_tree import MeshTree
-from bayesgrasp.simulators.preprocess import preprocess
-from bayesgrasp.simulators.views import disturbed_camera
 from bayesgrasp.types import CameraNuisances, Scenes
 
 STAGES = {

@@ -20,15 +20,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from bayesgrasp.assets import household
+from bayesgrasp.depth.kinect import axial_sigma, lateral_sigma, shadow_width
+from bayesgrasp.depth.sensor import DepthSensor
+from bayesgrasp.depth.stereo import StereoConfig, hole_width, stereo_sigma
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.objects import household
+from bayesgrasp.observation.canonical_view import MapConfig, height_map, to_canonical_view
+from bayesgrasp.observation.depth_files import read_depth
+from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.canonical_view import MapConfig, height_map, to_canonical_view
-from bayesgrasp.simulators.depth import DepthSensor
-from bayesgrasp.simulators.depth_files import read_depth
-from bayesgrasp.simulators.kinect import axial_sigma, lateral_sigma, shadow_width
-from bayesgrasp.simulators.preprocess import preprocess
-from bayesgrasp.simulators.stereo import StereoConfig, hole_width, stereo_sigma
 from bayesgrasp.types import Scenes
 
 DISTANCES = (0.45, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)

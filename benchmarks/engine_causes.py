@@ -21,9 +21,9 @@ import numpy as np
 import tyro
 from engines import ENGINES, Comparison, Options, tried
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.assets.object_asset import ObjectAsset
-from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts, Outcome
 
 STICKY = 100.0

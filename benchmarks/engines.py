@@ -23,15 +23,15 @@ import numpy as np
 import tyro
 from PIL import Image
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.assets.object_asset import ObjectAsset
-from bayesgrasp.data.pool import InProcess, LocalPool
-from bayesgrasp.data.simulate import CHUNK, Priors, draw_attempts
 from bayesgrasp.diagnostics.agreement import cohens_kappa, confusion
 from bayesgrasp.diagnostics.intervals import paired_difference, wilson
 from bayesgrasp.errors import DataError
+from bayesgrasp.generation.pool import InProcess, LocalPool
+from bayesgrasp.generation.trials import CHUNK, Priors, draw_attempts
+from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
 from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import film_attempt
 from bayesgrasp.viewer.raycast import contact_sheet

@@ -23,14 +23,14 @@ import numpy as np
 import torch
 import tyro
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.data.engine import Recipe, Run, open_store
-from bayesgrasp.data.generate import ChunkMaker, GenerateConfig, SimulatedWorld
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.pool import LocalPool
-from bayesgrasp.data.proposal import AdaptiveConfig, Proposal
-from bayesgrasp.data.provenance import describe
 from bayesgrasp.data.shards import encode
+from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, SimulatedWorld
+from bayesgrasp.generation.pool import LocalPool
+from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal
+from bayesgrasp.generation.provenance import describe
+from bayesgrasp.generation.run import Recipe, Run, open_store
+from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.types import CameraNuisances, Scenes
 

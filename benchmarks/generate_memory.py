@@ -27,12 +27,12 @@ import numpy as np
 import torch
 import tyro
 
-from bayesgrasp.data.engine import Recipe, Run, open_store
-from bayesgrasp.data.generate import GenerateConfig, World
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.planar import to_object
-from bayesgrasp.data.pool import LocalPool
 from bayesgrasp.data.store import Manifest
+from bayesgrasp.generation.chunks import GenerateConfig, World
+from bayesgrasp.generation.pool import LocalPool
+from bayesgrasp.generation.run import Recipe, Run, open_store
+from bayesgrasp.prior.planar_symmetry import to_object
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.types import Attempts, CameraNuisances, Outcome, Scenes
 

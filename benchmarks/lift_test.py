@@ -18,12 +18,12 @@ from time import perf_counter, process_time
 import mujoco
 import numpy as np
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.assets.object_asset import ObjectAsset
-from bayesgrasp.data.simulate import CHUNK, Priors, Trials, draw_attempts, simulate
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.generation.trials import CHUNK, Priors, Trials, draw_attempts, simulate
+from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
 from bayesgrasp.types import Outcome
 
 

@@ -1,6 +1,6 @@
 """The search for the MAP against Pymanopt's conjugate gradient: objective and time on the same problems, in one run.
 
-Problems are images of the analytic simulator, whose log-ratio is exact (`simulators/analytic.py`). Both start from
+Problems are images of the analytic simulator, whose log-ratio is exact (`known/analytic.py`). Both start from
 the same hands, the best of 1000 draws from the prior for each grasp type (paper, Algorithm 2); 20 steps at most.
 Pymanopt gets the box of the prior as an infinite objective outside. Objectives are compared in float64.
 
@@ -20,11 +20,11 @@ import tyro
 from pymanopt.manifolds import Euclidean, Product, SpecialOrthogonalGroup
 from pymanopt.optimizers import ConjugateGradient
 
+from bayesgrasp.known.analytic import AnalyticGrasping
 from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points, with_every_type
 from bayesgrasp.posterior.potential import Potential, posterior_potential
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.analytic import AnalyticGrasping
 from bayesgrasp.types import GraspType, Hands
 
 STEPS = 20

@@ -20,15 +20,15 @@ import trimesh
 import tyro
 
 import bayesgrasp
-from bayesgrasp.cli.loading import DEFAULT_MODEL
+from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
-from bayesgrasp.posterior.planner import Planner
+from bayesgrasp.planning.planner import Planner
 from bayesgrasp.posterior.sampling import sample_posterior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.depth import DepthSensor
+from bayesgrasp.workflows.loading import DEFAULT_MODEL
 
 STAGES = ("view", "scene", "encode", "search", "reach")
 CAMERAS = ("canonical camera", "another camera")

@@ -18,10 +18,10 @@ import tyro
 import bayesgrasp
 from bayesgrasp.errors import DepthImageError
 from bayesgrasp.geometry.camera import Camera
-from bayesgrasp.posterior.figure import save_plan_figure
-from bayesgrasp.posterior.plan import Plan
-from bayesgrasp.posterior.planner import Planner
-from bayesgrasp.simulators.depth_files import read_depth
+from bayesgrasp.observation.depth_files import read_depth
+from bayesgrasp.planning.figure import save_plan_figure
+from bayesgrasp.planning.plan import Plan
+from bayesgrasp.planning.planner import Planner
 
 ENOUGH = 0.2
 """Share of the object's points between the fingers."""

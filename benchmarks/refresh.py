@@ -20,15 +20,15 @@ import numpy as np
 import torch
 import tyro
 
-from bayesgrasp.assets.catalogue import load_objects
 from bayesgrasp.cli.training import planar_refresh
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.planar import moved, to_object
 from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.lift.lift_test import LiftTest
+from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.prior.nuisance import NuisancePrior
+from bayesgrasp.prior.planar_symmetry import moved, to_object
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.lift_test import LiftTest
 from bayesgrasp.types import Attempts, Outcome
 
 MOVES = ((0.1, 0.01), (1.0, 0.1), (5.0, 2.0))

@@ -12,8 +12,8 @@ from time import perf_counter
 
 import numpy as np
 
-from bayesgrasp.assets.catalogue import load_objects
-from bayesgrasp.data.simulate import simulate
+from bayesgrasp.generation.trials import simulate
+from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
 

@@ -29,17 +29,17 @@ import tyro
 from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
+from bayesgrasp.known.analytic import AnalyticConfig, AnalyticGrasping
+from bayesgrasp.known.bar_image import BarImage
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvEncoder, HandConfig, HandFeatures
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.ratio.objectives import ImageObjective, Objective
-from bayesgrasp.ratio.presets import PresetName, Role, Setup, preset
-from bayesgrasp.ratio.train import TrainConfig, initialised, train
 from bayesgrasp.seeding import generator, torch_generator
-from bayesgrasp.simulators.analytic import AnalyticConfig, AnalyticGrasping
-from bayesgrasp.simulators.bar_image import BarImage
+from bayesgrasp.training.objectives import ImageObjective, Objective
+from bayesgrasp.training.presets import PresetName, Role, Setup, preset
+from bayesgrasp.training.train_estimator import TrainConfig, initialised, train
 from bayesgrasp.types import Hands
 
 SCENES, HANDS, REPEATS = 32, 32, 5

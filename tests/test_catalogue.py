@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from bayesgrasp.assets import household, ycb
-from bayesgrasp.assets.catalogue import ObjectAsset, load_objects
-from bayesgrasp.assets.deviation import deviation
-from bayesgrasp.assets.mesh import Mesh, read_mesh, signed_volume
-from bayesgrasp.assets.part_cache import peek
+from bayesgrasp.meshes.deviation import deviation
+from bayesgrasp.meshes.mesh import Mesh, read_mesh, signed_volume
+from bayesgrasp.meshes.part_cache import peek
+from bayesgrasp.objects import household, ycb
+from bayesgrasp.objects.catalogue import ObjectAsset, load_objects
 
 SHARED = Path(__file__).parents[2] / "shared" / "objects" / "ycb"
 SCANS = ycb.scans(SHARED) if SHARED.is_dir() else {}

@@ -1,6 +1,6 @@
 """The whole chain on a problem whose posterior is known: simulate, train, infer, compare with exact draws.
 
-Both routes are trained on the analytic problem (`simulators/analytic.py`): the two networks of the paper by Algorithm
+Both routes are trained on the analytic problem (`known/analytic.py`): the two networks of the paper by Algorithm
 1, and p(S=1 | i, h) on successes and failures. Their product with the prior is compared with the closed form: by the
 expected coverage of highest-density regions over many images, and for the paper's route by a classifier two-sample test
 for single ones.
@@ -17,15 +17,15 @@ from torch import Tensor, nn
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.diagnostics.c2st import c2st
 from bayesgrasp.diagnostics.coverage import expected_coverage, hpd_mass
+from bayesgrasp.known.analytic import AnalyticConfig, AnalyticGrasping
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.estimators import ImageConfig, MetricConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.ratio.objectives import ImageObjective, MetricObjective, Objective, SuccessObjective
-from bayesgrasp.ratio.train import TrainConfig, train
 from bayesgrasp.seeding import generator, torch_generator
-from bayesgrasp.simulators.analytic import AnalyticConfig, AnalyticGrasping
+from bayesgrasp.training.objectives import ImageObjective, MetricObjective, Objective, SuccessObjective
+from bayesgrasp.training.train_estimator import TrainConfig, train
 from bayesgrasp.types import Hands
 
 Ratio = Callable[[Hands], Tensor]

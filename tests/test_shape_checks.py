@@ -4,7 +4,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from bayesgrasp.assets.arm import ur5
+from bayesgrasp.robot.arm import ur5
 
 
 def test_a_wrong_shape_is_refused() -> None:

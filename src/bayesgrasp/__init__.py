@@ -4,7 +4,7 @@ from pathlib import Path as _Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bayesgrasp.posterior.planner import Planner
+    from bayesgrasp.planning.planner import Planner
 
 __version__ = "0.1.0"
 __all__ = ["__version__", "load"]
@@ -20,6 +20,6 @@ def load(model: "_Path | str | None" = None) -> "Planner":
         CheckpointError: The model is missing, damaged, or was trained for another gripper, camera or schema.
     """
     # Imported here, so that `import bayesgrasp` is quick.
-    from bayesgrasp.cli.loading import load_planner
+    from bayesgrasp.workflows.loading import load_planner
 
     return load_planner(model)

@@ -9,12 +9,12 @@ import torch
 from PIL import Image
 from untrained_model import save_untrained
 
-from bayesgrasp.cli import loading
 from bayesgrasp.cli.main import main
 from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.posterior.planner import Planner, Posterior
-from bayesgrasp.posterior.surface import SurfaceReader
+from bayesgrasp.observation.surface import SurfaceReader
+from bayesgrasp.planning.planner import Planner, Posterior
 from bayesgrasp.types import Hands
+from bayesgrasp.workflows import loading
 
 
 def given_image(image: torch.Tensor):

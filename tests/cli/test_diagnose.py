@@ -2,22 +2,19 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 
+import fake_world
 import pytest
 
 from bayesgrasp.cli.main import main
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.pool import InProcess
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
-from bayesgrasp.ratio.train import initialised
-
-sys.path.append(str(Path(__file__).parents[1] / "data"))
-import fake_world
+from bayesgrasp.training.train_estimator import initialised
 
 
 def model(directory: Path, seed: int) -> Path:

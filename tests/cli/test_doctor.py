@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from bayesgrasp.assets.ycb import DIRECTORY_VARIABLE
 from bayesgrasp.cli import doctor as module
 from bayesgrasp.cli.doctor import doctor, examine
+from bayesgrasp.objects.ycb import DIRECTORY_VARIABLE
 
 
 @pytest.fixture(autouse=True)

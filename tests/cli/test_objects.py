@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bayesgrasp.assets import household
-from bayesgrasp.assets.shapes import box
 from bayesgrasp.cli.objects import fetch, list_objects, show
 from bayesgrasp.errors import AssetError
+from bayesgrasp.objects import household
+from bayesgrasp.objects.shapes import box
 
 
 @pytest.fixture(autouse=True)

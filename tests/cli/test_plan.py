@@ -9,17 +9,17 @@ import torch
 from box_scene import Box, box_depth_image
 
 import bayesgrasp
-from bayesgrasp.cli.loading import canonical_view, success_probability, trained_prior
 from bayesgrasp.cli.main import main
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.observation.depth_files import write_depth_png
+from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, MetricConfig, MetricRatio
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.simulators.depth_files import write_depth_png
-from bayesgrasp.simulators.preprocess import preprocess
 from bayesgrasp.types import GraspType
+from bayesgrasp.workflows.loading import canonical_view, success_probability, trained_prior
 
 
 def untrained(kind: type, config: object) -> torch.nn.Module:

@@ -6,7 +6,7 @@ from PIL import Image
 
 from bayesgrasp.cli.main import main
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.simulators.depth_files import read_depth
+from bayesgrasp.observation.depth_files import read_depth
 
 BALL = ("--object", "household_ball")
 

@@ -10,8 +10,8 @@ import pytest
 from bayesgrasp.cli.experiment import Experiment
 from bayesgrasp.cli.reproduce import Stages
 from bayesgrasp.cli.scales import SCALES
-from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.generation.chunks import GenerateConfig
 
 
 def test_a_stage_is_done_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bayesgrasp.assets.catalogue import load_objects
 from bayesgrasp.cli.main import main
-from bayesgrasp.data.simulate import CHUNK, Priors, simulate
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.generation.trials import CHUNK, Priors, simulate
+from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
 

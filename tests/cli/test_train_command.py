@@ -1,21 +1,18 @@
 """``bayesgrasp train`` on a small set from cheap simulators: a model that loads, resume, and clear refusals."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import fake_world
 import pytest
 import torch
 
 from bayesgrasp.cli.main import main
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.pool import InProcess
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.types import Hands
-
-sys.path.append(str(Path(__file__).parents[1] / "data"))
-import fake_world
 
 OPTIONS = ["--epochs", "1", "--batch-size", "8", "--preset", "paper"]
 PARTS = ["--estimators", "metric", "image"]

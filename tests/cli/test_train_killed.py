@@ -5,11 +5,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.pool import InProcess
-
-sys.path.append(str(Path(__file__).parents[1] / "data"))
 import fake_world
+
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
 
 BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
 OPTIONS = ["--epochs", "3", "--batch-size", "8", "--preset", "paper", "--threads", "1"]
@@ -23,7 +22,7 @@ def make(data: Path) -> None:
 
 
 def train(data: Path, out: Path, kills: int) -> str:
-    program = Path(__file__).with_name("killed_training.py")
+    program = Path(__file__).parents[1] / "support" / "killed_training.py"
     command = [sys.executable, str(program), str(kills), "1", str(out), "--data", str(data), *OPTIONS]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 

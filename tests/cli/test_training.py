@@ -1,23 +1,20 @@
 """What each estimator learns from: attempts, scenes, and only the practice whose hands knew no more than it is told."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import fake_world
 import pytest
 
 from bayesgrasp.cli.training import sources_by_part
 from bayesgrasp.data.attempts import RefreshedAttempts
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.pool import InProcess
 from bayesgrasp.data.store import Manifest
 from bayesgrasp.errors import DataError
-from bayesgrasp.ratio.presets import Role, Setup, preset
-
-sys.path.append(str(Path(__file__).parents[1] / "data"))
-import fake_world
+from bayesgrasp.generation.chunks import GenerateConfig
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
+from bayesgrasp.training.presets import Role, Setup, preset
 
 BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
 CONFIG = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}

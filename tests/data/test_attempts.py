@@ -9,14 +9,14 @@ import pytest
 import torch
 
 from bayesgrasp.data.attempts import AttemptsConfig, RefreshedAttempts, refreshed_attempts
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.planar import PlanarRefresh
-from bayesgrasp.data.pool import InProcess
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.generation.chunks import GenerateConfig
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.prior.planar_symmetry import PlanarRefresh
 from bayesgrasp.prior.scene import ScenePrior
 
 SMALL = AttemptsConfig(batch_size=256, success_share=0.5, poses=3)

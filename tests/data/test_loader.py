@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from bayesgrasp.data.engine import Run, open_store
-from bayesgrasp.data.generate import GenerateConfig
 from bayesgrasp.data.loader import GraspDataset, in_split
-from bayesgrasp.data.pool import InProcess
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.data.store import Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.generation.chunks import GenerateConfig
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
 
 CONFIG = GenerateConfig(proposal="prior", attempts_per_draw=16, scenes_per_draw=2, draws_per_chunk=10)
 

@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from bayesgrasp.data import images
-from bayesgrasp.data.generate import ChunkMaker
-from bayesgrasp.data.proposal import Proposal
 from bayesgrasp.data.shards import Chunk, decode, encode, read_attempts
 from bayesgrasp.errors import DataError
+from bayesgrasp.generation.chunks import ChunkMaker
+from bayesgrasp.generation.proposal import Proposal
 
 
 @pytest.fixture(scope="module")

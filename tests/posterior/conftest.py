@@ -7,15 +7,15 @@ import pytest
 import torch
 from box_scene import Box, box_depth_image
 
-from bayesgrasp.assets.robotiq_3f import robotiq_3f
 from bayesgrasp.geometry import so3
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
-from bayesgrasp.posterior.clearance import OpenHand
-from bayesgrasp.posterior.planner import Planner, Posterior
-from bayesgrasp.posterior.selection import Robot
-from bayesgrasp.posterior.surface import SurfaceReader
+from bayesgrasp.observation.preprocess import preprocess
+from bayesgrasp.observation.surface import SurfaceReader
+from bayesgrasp.planning.planner import Planner, Posterior
+from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.simulators.preprocess import preprocess
+from bayesgrasp.robot.open_hand import OpenHand
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import GraspType, Hands
 
 

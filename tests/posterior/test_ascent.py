@@ -5,11 +5,11 @@ import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
+from bayesgrasp.known.analytic import AnalyticGrasping
 from bayesgrasp.posterior.ascent import AscentConfig, Stop, ascend, find_map, starting_points, with_every_type
 from bayesgrasp.posterior.potential import likelihood_potential, posterior_potential, prior_potential
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.analytic import AnalyticGrasping
 from bayesgrasp.types import Hands
 
 PRIOR = GraspPrior()

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from bayesgrasp.posterior.practice import practice_hands
+from bayesgrasp.posterior.practice_hands import practice_hands
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Hands

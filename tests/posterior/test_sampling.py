@@ -6,12 +6,12 @@ import pytest
 import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.known.analytic import AnalyticGrasping
 from bayesgrasp.posterior.chain import ChainConfig, fold, run_chains, split_rhat
 from bayesgrasp.posterior.potential import Box, Potential, likelihood_potential, posterior_potential, prior_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, systematic, weigh
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator, torch_generator
-from bayesgrasp.simulators.analytic import AnalyticGrasping
 from bayesgrasp.types import Hands
 
 PRIOR = GraspPrior()

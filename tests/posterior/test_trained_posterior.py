@@ -5,14 +5,14 @@ import torch
 from box_scene import Box, box_depth_image
 
 import bayesgrasp
-from bayesgrasp.cli.loading import DEFAULT_MODEL
 from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.posterior.ascent import AscentConfig, find_map
 from bayesgrasp.posterior.potential import posterior_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, weigh
 from bayesgrasp.seeding import generator
-from bayesgrasp.simulators.preprocess import preprocess
 from bayesgrasp.types import Hands
+from bayesgrasp.workflows.loading import DEFAULT_MODEL
 
 
 @pytest.fixture(scope="module")

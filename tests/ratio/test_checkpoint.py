@@ -16,7 +16,7 @@ from bayesgrasp.ratio.estimators import MetricConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.local import LocalConfig
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.ratio.train import initialised
+from bayesgrasp.training.train_estimator import initialised
 from bayesgrasp.types import Hands
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from bayesgrasp.benchmark.journal import SceneResult
-    from bayesgrasp.benchmark.runner import Benchmark, Contestants
-    from bayesgrasp.benchmark.strategies import SearchConfig
+    from bayesgrasp.evaluation.journal import SceneResult
+    from bayesgrasp.evaluation.runner import Benchmark, Contestants
+    from bayesgrasp.evaluation.strategies import SearchConfig
 
 
 def benchmark(
@@ -63,13 +63,13 @@ def benchmark(
         resume: Go on with the run in --out, or start it where there is none.
         failures: With --out, picture this many failures of the MAP from one image: failures.png.
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.benchmark.runner import Benchmark
-    from bayesgrasp.benchmark.shifts import find_shift
-    from bayesgrasp.benchmark.strategies import STRATEGIES
-    from bayesgrasp.benchmark.tables import markdown, summarize
-    from bayesgrasp.cli.loading import DEFAULT_MODEL
+    from bayesgrasp.evaluation.runner import Benchmark
+    from bayesgrasp.evaluation.shifts import find_shift
+    from bayesgrasp.evaluation.strategies import STRATEGIES
+    from bayesgrasp.evaluation.tables import markdown, summarize
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.ratio.checkpoint import read_card
+    from bayesgrasp.workflows.loading import DEFAULT_MODEL
 
     _check_outputs(json, out, resume, failures)
     directory = DEFAULT_MODEL if model is None else model
@@ -96,7 +96,7 @@ def benchmark(
 
 def announce_skipped(chosen: Benchmark, card: Mapping[str, Any]) -> dict[str, str]:
     """Say which strategies cannot run, or not on all objects, and why."""
-    from bayesgrasp.benchmark.runner import skipped
+    from bayesgrasp.evaluation.runner import skipped
 
     reasons = skipped(chosen, card)
     for name, reason in reasons.items():
@@ -123,9 +123,9 @@ class LoadModel:
 
     def __call__(self) -> Contestants:
         """Load them."""
-        from bayesgrasp.benchmark.runner import Contestants
-        from bayesgrasp.cli.loading import load_planner
+        from bayesgrasp.evaluation.runner import Contestants
         from bayesgrasp.ratio.checkpoint import load_model
+        from bayesgrasp.workflows.loading import load_planner
 
         return Contestants(load_model(self.directory), load_planner(self.directory))
 
@@ -140,8 +140,8 @@ def run_with_progress(
     known: Sequence[SceneResult] = (),
 ) -> tuple[SceneResult, ...]:
     """Run a benchmark under a progress bar, with a journal in ``out``; ``known`` as `runner.run` takes it."""
-    from bayesgrasp.benchmark.journal import Journal
-    from bayesgrasp.benchmark.runner import run
+    from bayesgrasp.evaluation.journal import Journal
+    from bayesgrasp.evaluation.runner import run
 
     journal = None if out is None else Journal(out, chosen.identity(card), resume)
     with _progress(attempts, chosen.shift.name) as advance:
@@ -150,8 +150,8 @@ def run_with_progress(
 
 def write_results(summary: dict[str, Any], out: Path, split: str) -> None:
     """Summary, tables and figures of a finished run."""
-    from bayesgrasp.benchmark.figures import plot_ladder, plot_per_object
-    from bayesgrasp.benchmark.tables import markdown, markdown_per_object
+    from bayesgrasp.evaluation.figures import plot_ladder, plot_per_object
+    from bayesgrasp.evaluation.tables import markdown, markdown_per_object
 
     (out / "summary.json").write_text(json_module.dumps(summary, indent=1) + "\n", encoding="utf-8")
     (out / "table.md").write_text(markdown(summary, split), encoding="utf-8")
@@ -163,7 +163,7 @@ def write_results(summary: dict[str, Any], out: Path, split: str) -> None:
 
 def search_config(starts: int, steps: int) -> SearchConfig:
     """The search of all strategies; arguments as in `benchmark`."""
-    from bayesgrasp.benchmark.strategies import SearchConfig
+    from bayesgrasp.evaluation.strategies import SearchConfig
     from bayesgrasp.posterior.ascent import AscentConfig
 
     return SearchConfig(ascent=AscentConfig(starts_per_type=starts, steps=steps))

@@ -22,8 +22,8 @@ def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, se
         verify: Also compare every file with its checksum.
         seed: Which images are drawn.
     """
-    from bayesgrasp.data.engine import totals
     from bayesgrasp.data.loader import GraspDataset
+    from bayesgrasp.generation.run import totals
 
     dataset = GraspDataset(directory)
     _print_manifest(dataset)

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from numpy import ndarray
     from PIL.Image import Image as Picture
 
-    from bayesgrasp.benchmark.scenes import Situation
-    from bayesgrasp.posterior.plan import Plan
-    from bayesgrasp.posterior.planner import Planner
+    from bayesgrasp.evaluation.scenes import Situation
+    from bayesgrasp.planning.plan import Plan
+    from bayesgrasp.planning.planner import Planner
     from bayesgrasp.types import Attempts, Outcome
 
 SAMPLES = 2000
@@ -40,14 +40,14 @@ def demo(
         model: Directory of a trained model; by default the one that comes with the package.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.benchmark.scenes import SceneMaker
-    from bayesgrasp.benchmark.strategies import first_grasp
-    from bayesgrasp.cli.loading import load_planner
     from bayesgrasp.cli.plan import describe
+    from bayesgrasp.evaluation.scenes import SceneMaker
+    from bayesgrasp.evaluation.strategies import first_grasp
     from bayesgrasp.geometry.camera import canonical_camera
-    from bayesgrasp.simulators.lift_test import LiftTest
+    from bayesgrasp.lift.lift_test import LiftTest
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.types import Outcome
+    from bayesgrasp.workflows.loading import load_planner
 
     _check(out)
     planner = load_planner(model)
@@ -109,7 +109,7 @@ def draw_story(
     from PIL import Image
 
     from bayesgrasp.geometry.camera import canonical_camera
-    from bayesgrasp.posterior.figure import save_plan_figure
+    from bayesgrasp.planning.figure import save_plan_figure
     from bayesgrasp.viewer.film import film_attempt
 
     with tempfile.TemporaryDirectory() as scratch:

@@ -52,12 +52,12 @@ def diagnose(
         workers: Processes.
     """
     from bayesgrasp.cli.judging import Court, judge_all
-    from bayesgrasp.cli.loading import DEFAULT_MODEL, trained_prior
     from bayesgrasp.diagnostics.report import report
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.geometry.grasp_space import GraspSpace
     from bayesgrasp.ratio.checkpoint import load_model
     from bayesgrasp.seeding import generator
+    from bayesgrasp.workflows.loading import DEFAULT_MODEL, trained_prior
 
     if (data is None) == (fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
@@ -99,8 +99,8 @@ def _reliability(model: GraspModel, tried: Iterator[Tried]) -> Reliability:
     import numpy as np
     import torch
 
-    from bayesgrasp.cli.loading import success_probability
     from bayesgrasp.diagnostics.reliability import reliability
+    from bayesgrasp.workflows.loading import success_probability
 
     probability_of, parts = success_probability(model), []
     for some in tried:

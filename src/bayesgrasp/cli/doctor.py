@@ -102,7 +102,7 @@ def _gpu(torch_version: str | None) -> str | None:
 
 
 def _cache() -> dict[str, Any]:
-    from bayesgrasp.assets.cache import cache_directory
+    from bayesgrasp.meshes.cache_directory import cache_directory
 
     path = cache_directory()
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) if path.is_dir() else 0
@@ -118,8 +118,8 @@ def _can_write(path: Path) -> bool:
 
 def _ycb() -> tuple[dict[str, Any] | None, str | None]:
     """The directory of scans with the number of objects in it, or advice."""
-    from bayesgrasp.assets import ycb
     from bayesgrasp.errors import AssetError
+    from bayesgrasp.objects import ycb
 
     try:
         path = ycb.directory()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from bayesgrasp.cli.scales import Estimator, Scale
 
 if TYPE_CHECKING:
-    from bayesgrasp.benchmark.report import Section
+    from bayesgrasp.evaluation.report import Section
 
 
 @dataclass(frozen=True)
@@ -128,13 +128,13 @@ class Experiment:
         start: Path | None = None,
     ) -> None:
         from bayesgrasp.cli import training
-        from bayesgrasp.cli.loading import trained_prior
         from bayesgrasp.cli.training_view import observers, print_summary
         from bayesgrasp.data.loader import GraspDataset
         from bayesgrasp.ratio.checkpoint import load_model
-        from bayesgrasp.ratio.fit import fit
-        from bayesgrasp.ratio.presets import preset
-        from bayesgrasp.ratio.train import TrainConfig
+        from bayesgrasp.training.presets import preset
+        from bayesgrasp.training.train_estimator import TrainConfig
+        from bayesgrasp.training.train_model import fit
+        from bayesgrasp.workflows.loading import trained_prior
 
         dataset = GraspDataset(self.out / "data")
         schedule = TrainConfig(learning_rate=learning_rate, patience=5, seed=self.seed)
@@ -188,25 +188,25 @@ class Experiment:
 
     def draw(self) -> None:
         """The figures of prior and posterior."""
-        from bayesgrasp.benchmark.figures import plot_prior
         from bayesgrasp.cli.demo import demo
-        from bayesgrasp.cli.loading import trained_prior
+        from bayesgrasp.evaluation.figures import plot_prior
         from bayesgrasp.ratio.checkpoint import read_card
         from bayesgrasp.seeding import generator
+        from bayesgrasp.workflows.loading import trained_prior
 
         plot_prior(trained_prior(read_card(self.out / "model")), self.out / "prior.png", generator(self.seed))
         demo(self.scale.demo, self.seed + 1, self.out / "demo.png", self.out / "model", self.ycb_dir)
 
     def report(self) -> None:
         """The page."""
-        from bayesgrasp.benchmark.report import write_report
+        from bayesgrasp.evaluation.report import write_report
 
         sections = [self._success(split) for split in self.scale.judged]
         write_report(self.out / "report.html", "bayesgrasp: results", [*sections, *self._posterior()])
 
     def _success(self, split: str) -> Section:
-        from bayesgrasp.benchmark.report import Picture, Section
-        from bayesgrasp.benchmark.tables import markdown, markdown_per_object
+        from bayesgrasp.evaluation.report import Picture, Section
+        from bayesgrasp.evaluation.tables import markdown, markdown_per_object
 
         results = self.out / f"benchmark-{split}"
         summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
@@ -223,7 +223,7 @@ class Experiment:
         return Section(f"Success rates: {split}", (text,), tables, pictures)
 
     def _posterior(self) -> list[Section]:
-        from bayesgrasp.benchmark.report import Picture, Section
+        from bayesgrasp.evaluation.report import Picture, Section
 
         diagnostics = self.out / "diagnostics"
         coverage = json.loads((self.out / "diagnostics.json").read_text(encoding="utf-8"))["expected_coverage"]

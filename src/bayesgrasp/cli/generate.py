@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from bayesgrasp.data.engine import Progress
-    from bayesgrasp.data.pool import Executor
     from bayesgrasp.data.store import Manifest
+    from bayesgrasp.generation.pool import Executor
+    from bayesgrasp.generation.run import Progress
 
 
 def generate(
@@ -61,12 +61,12 @@ def generate(
         draws_per_chunk: Draws in a unit of work, which is two files; raise it for sets of 10^8 attempts and more.
         hands: Hands kept for each image.
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.data.engine import Recipe, Run, open_store
-    from bayesgrasp.data.generate import GenerateConfig, SimulatedWorld
-    from bayesgrasp.data.pairing import PairingConfig
-    from bayesgrasp.data.proposal import AdaptiveConfig
-    from bayesgrasp.data.provenance import describe
+    from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
+    from bayesgrasp.generation.pairing import PairingConfig
+    from bayesgrasp.generation.proposal import AdaptiveConfig
+    from bayesgrasp.generation.provenance import describe
+    from bayesgrasp.generation.run import Recipe, Run, open_store
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.prior.scene import ScenePrior
 
     config = GenerateConfig(
@@ -87,8 +87,8 @@ def generate(
 
 
 def _executor(name: str, workers: int, address: str | None) -> Executor:
-    from bayesgrasp.data.pool import LocalPool
     from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.generation.pool import LocalPool
 
     if name == "local":
         if address is not None:
@@ -96,7 +96,7 @@ def _executor(name: str, workers: int, address: str | None) -> Executor:
         return LocalPool(workers or os.cpu_count() or 1)
     if importlib.util.find_spec("ray") is None:
         raise InvalidConfigurationError("--executor ray needs Ray: pip install 'bayesgrasp[ray]'")
-    from bayesgrasp.data.scale import RayPool
+    from bayesgrasp.generation.ray_pool import RayPool
 
     return RayPool(address, workers)
 

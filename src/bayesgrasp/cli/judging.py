@@ -70,8 +70,8 @@ class _Judge:
     """The models of one process, and what they say of each observation."""
 
     def __init__(self, court: Court, truths: Truths) -> None:
-        from bayesgrasp.cli.loading import trained_prior
         from bayesgrasp.ratio.checkpoint import load_model
+        from bayesgrasp.workflows.loading import trained_prior
 
         self.court, self.truths = court, truths
         self.models = [load_model(directory) for directory in court.models]

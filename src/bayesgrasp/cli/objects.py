@@ -13,9 +13,9 @@ import tyro
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from bayesgrasp.assets.fetch import FetchConfig
-    from bayesgrasp.assets.listing import Summary
-    from bayesgrasp.assets.object_asset import ObjectAsset
+    from bayesgrasp.objects.fetch import FetchConfig
+    from bayesgrasp.objects.listing import Summary
+    from bayesgrasp.objects.object_asset import ObjectAsset
 
 Split = Literal["train", "train-ycb", "unseen", "household", "stand-ins", "other", "all"]
 
@@ -29,7 +29,7 @@ def list_objects(split: Split = "all", ycb_dir: Path | None = None, json: Path |
         ycb_dir: Directory of YCB scans, <id>/google_16k/nontextured.ply; by default $BAYESGRASP_YCB_DIR.
         json: Also write the list to this file.
     """
-    from bayesgrasp.assets.listing import summarise
+    from bayesgrasp.objects.listing import summarise
 
     summaries = summarise(split, ycb_dir)
     print("\n".join(_table(summaries)))
@@ -82,9 +82,9 @@ def fetch(
         split: The 19 YCB objects for training, the 5 unseen ones, or both.
         base_url: Another address than the official one, above google/<id>_google_16k.tgz.
     """
-    from bayesgrasp.assets import ycb
-    from bayesgrasp.assets.fetch import FetchConfig
     from bayesgrasp.errors import AssetError
+    from bayesgrasp.objects import ycb
+    from bayesgrasp.objects.fetch import FetchConfig
 
     chosen = ids or {"train": ycb.TRAIN, "unseen": ycb.UNSEEN, "both": ycb.TRAIN + ycb.UNSEEN}[split]
     config = FetchConfig() if base_url is None else FetchConfig(base_url=base_url)
@@ -98,8 +98,8 @@ def _fetch_each(ids: tuple[str, ...], root: Path, config: FetchConfig) -> list[s
     """Fetch one after the other behind a progress bar; returns what went wrong, one line each."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-    from bayesgrasp.assets.fetch import fetch as fetch_one
     from bayesgrasp.errors import AssetError
+    from bayesgrasp.objects.fetch import fetch as fetch_one
 
     failed = []
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
@@ -119,9 +119,9 @@ def _report(progress: Progress, task: TaskID, done: int, total: int | None) -> N
 
 
 def _one(id: str | None, ycb_dir: Path | None, mesh: Path | None, mass: float | None, convex: str) -> ObjectAsset:
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.assets.convex import PRESETS
     from bayesgrasp.errors import AssetError
+    from bayesgrasp.meshes.convex import PRESETS
+    from bayesgrasp.objects.catalogue import load_objects
 
     if (id is None) == (mesh is None):
         raise AssetError(
@@ -144,8 +144,8 @@ def _table(summaries: list[Summary]) -> list[str]:
 
 
 def _description(asset: ObjectAsset) -> list[str]:
-    from bayesgrasp.assets.deviation import deviation
-    from bayesgrasp.assets.mesh import Mesh
+    from bayesgrasp.meshes.deviation import deviation
+    from bayesgrasp.meshes.mesh import Mesh
 
     found = deviation(Mesh(asset.vertices, asset.faces), asset.parts)
     usual, most, gap = (f"{1000 * length:.1f} mm" for length in (found.excess_99, found.excess_max, found.gap_max))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bayesgrasp.posterior.plan import Plan
+    from bayesgrasp.planning.plan import Plan
 
 
 def plan(
@@ -34,9 +34,9 @@ def plan(
         json: Write the plan to this file.
         figure: Draw the plan into this file (.png, .pdf or .svg).
     """
-    from bayesgrasp.cli.loading import load_planner
     from bayesgrasp.geometry.camera import Camera
-    from bayesgrasp.simulators.depth_files import read_depth
+    from bayesgrasp.observation.depth_files import read_depth
+    from bayesgrasp.workflows.loading import load_planner
 
     _check_outputs(json, figure)
     view = Camera.load(camera)
@@ -47,7 +47,7 @@ def plan(
     if json is not None:
         json.write_text(json_module.dumps(answer.to_dict(), indent=1) + "\n", encoding="utf-8")
     if figure is not None:
-        from bayesgrasp.posterior.figure import save_plan_figure
+        from bayesgrasp.planning.figure import save_plan_figure
 
         save_plan_figure(figure, answer, image, view, planner.robot.hand)
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     import numpy as np
 
-    from bayesgrasp.data.practice import Proposer, Shown
     from bayesgrasp.data.store import Given
+    from bayesgrasp.generation.practice import Proposer, Shown
     from bayesgrasp.posterior.potential import LogDensity
     from bayesgrasp.ratio.model import GraspModel
     from bayesgrasp.types import Hands
@@ -55,16 +55,16 @@ def practice(
         stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
         estimator: Which estimator proposes: success (it sees the image) or full (it knows object, pose and friction).
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.assets.stretch import StretchConfig, with_copies
     from bayesgrasp.cli.generate import print_summary, progress_bar
-    from bayesgrasp.data.engine import Run, open_store
-    from bayesgrasp.data.generate import GenerateConfig, SimulatedWorld
-    from bayesgrasp.data.pairing import PairingConfig
-    from bayesgrasp.data.pool import LocalPool
-    from bayesgrasp.data.practice import PracticeRecipe
-    from bayesgrasp.data.provenance import describe
     from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
+    from bayesgrasp.generation.pairing import PairingConfig
+    from bayesgrasp.generation.pool import LocalPool
+    from bayesgrasp.generation.practice import PracticeRecipe
+    from bayesgrasp.generation.provenance import describe
+    from bayesgrasp.generation.run import Run, open_store
+    from bayesgrasp.objects.catalogue import load_objects
+    from bayesgrasp.objects.stretch import StretchConfig, with_copies
     from bayesgrasp.prior.scene import ScenePrior
     from bayesgrasp.seeding import generator
 
@@ -146,7 +146,7 @@ def _propose(ratios: Sequence[LogDensity], count: int, rng: np.random.Generator)
     """Hands for each scene, (n, count), by the log-ratio of each."""
     import torch
 
-    from bayesgrasp.posterior.practice import practice_hands
+    from bayesgrasp.posterior.practice_hands import practice_hands
     from bayesgrasp.prior.grasp import GraspPrior
     from bayesgrasp.types import Hands
 

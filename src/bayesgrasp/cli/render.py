@@ -48,12 +48,12 @@ def render(
         mesh: A mesh file of your own instead, in metres with z upwards.
         mass: Its mass in kilograms.
     """
-    from bayesgrasp.assets.catalogue import load_objects
+    from bayesgrasp.depth.sensor import DepthSensor
     from bayesgrasp.errors import AssetError
     from bayesgrasp.geometry.camera import Camera, canonical_camera
+    from bayesgrasp.geometry.camera_nuisances import disturbed_camera
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.seeding import generator
-    from bayesgrasp.simulators.depth import DepthSensor
-    from bayesgrasp.simulators.views import disturbed_camera
 
     scene = _scene(pose, scale)
     if (object is None) == (mesh is None):
@@ -98,7 +98,7 @@ def _write(
 ) -> None:
     import numpy as np
 
-    from bayesgrasp.simulators.depth_files import write_depth_png
+    from bayesgrasp.observation.depth_files import write_depth_png
 
     out.mkdir(parents=True, exist_ok=True)
     for name, image in (("depth", noisy), ("clean", np.where(clean < FARTHEST_DEPTH, clean, np.float32(0)))):

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from bayesgrasp.assets.object_asset import ObjectAsset
-    from bayesgrasp.data.simulate import Trials
-    from bayesgrasp.simulators.lift_test import LiftTestConfig
+    from bayesgrasp.generation.trials import Trials
+    from bayesgrasp.lift.lift_test import LiftTestConfig
+    from bayesgrasp.objects.object_asset import ObjectAsset
 
 
 def simulate(
@@ -47,12 +47,12 @@ def simulate(
         json: Write the counts to this file.
         video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.data.simulate import Priors
-    from bayesgrasp.data.simulate import simulate as run
+    from bayesgrasp.generation.trials import Priors
+    from bayesgrasp.generation.trials import simulate as run
+    from bayesgrasp.lift.bullet.client import require
+    from bayesgrasp.lift.lift_test import LiftTestConfig
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.prior.grasp import GraspPrior
-    from bayesgrasp.simulators.bullet_client import require
-    from bayesgrasp.simulators.lift_test import LiftTestConfig
 
     _check_outputs(json, video)
     config = LiftTestConfig(engine=engine, criterion=criterion)

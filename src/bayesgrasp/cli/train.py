@@ -51,14 +51,14 @@ def train(
     import torch
 
     from bayesgrasp.cli import training
-    from bayesgrasp.cli.loading import trained_prior
     from bayesgrasp.cli.training_view import observers, print_summary
     from bayesgrasp.data.loader import GraspDataset
     from bayesgrasp.ratio.checkpoint import load_model
-    from bayesgrasp.ratio.fit import fit
-    from bayesgrasp.ratio.losses import LossConfig
-    from bayesgrasp.ratio.presets import preset as parts_of
-    from bayesgrasp.ratio.train import TrainConfig
+    from bayesgrasp.training.losses import LossConfig
+    from bayesgrasp.training.presets import preset as parts_of
+    from bayesgrasp.training.train_estimator import TrainConfig
+    from bayesgrasp.training.train_model import fit
+    from bayesgrasp.workflows.loading import trained_prior
 
     if threads is not None:
         torch.set_num_threads(threads)

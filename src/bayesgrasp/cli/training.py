@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.data.planar import PlanarRefresh
+    from bayesgrasp.prior.planar_symmetry import PlanarRefresh
     from bayesgrasp.ratio.checkpoint import Origin
-    from bayesgrasp.ratio.fit import Sources
-    from bayesgrasp.ratio.presets import Part, Setup
+    from bayesgrasp.training.presets import Part, Setup
+    from bayesgrasp.training.train_model import Sources
 
 FAMILIARITY_IMAGES = 1000
 
@@ -30,8 +30,8 @@ def sources_by_part(
         seed: Of the orders and of the refreshed poses.
     """
     from bayesgrasp.data.attempts import refreshed_attempts
-    from bayesgrasp.ratio.fit import sources, with_practice
-    from bayesgrasp.ratio.objectives import FullObjective, MetricObjective, SuccessObjective
+    from bayesgrasp.training.objectives import FullObjective, MetricObjective, SuccessObjective
+    from bayesgrasp.training.train_model import sources, with_practice
 
     def choose(part: Part) -> Sources:
         if isinstance(part.objective, MetricObjective):
@@ -49,13 +49,13 @@ def sources_by_part(
 
 def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
     """The planar symmetry of the priors and of the arm that a data set was made with."""
-    from bayesgrasp.assets.arm import ur5
-    from bayesgrasp.cli.loading import trained_prior
-    from bayesgrasp.data.planar import PlanarRefresh
-    from bayesgrasp.data.reach import arm_reach
     from bayesgrasp.errors import DataError
+    from bayesgrasp.generation.reachability import arm_reach
+    from bayesgrasp.prior.planar_symmetry import PlanarRefresh
     from bayesgrasp.prior.scene import ScenePrior
-    from bayesgrasp.simulators.planner import MotionConfig
+    from bayesgrasp.robot.arm import ur5
+    from bayesgrasp.robot.motion import MotionConfig
+    from bayesgrasp.workflows.loading import trained_prior
 
     config = dataset.manifest.config
     scene: dict[str, Any] = {
@@ -70,7 +70,7 @@ def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
 
 def setup_of(dataset: GraspDataset) -> Setup:
     """What the estimators must fit, by the manifest of the data."""
-    from bayesgrasp.ratio.presets import Setup
+    from bayesgrasp.training.presets import Setup
 
     prior = prior_of(dataset)
     low, high = (tuple(float(prior[axis][end]) for axis in ("x", "y", "z")) for end in (0, 1))
@@ -96,7 +96,7 @@ def origin_of(dataset: GraspDataset) -> Origin:
     import hashlib
     import json
 
-    from bayesgrasp.data.provenance import source_commit
+    from bayesgrasp.generation.provenance import source_commit
     from bayesgrasp.ratio.checkpoint import Origin
 
     content = json.dumps([dataset.manifest.identity, dataset.manifest.totals], sort_keys=True)
@@ -128,8 +128,8 @@ def familiarity_of(dataset: GraspDataset) -> dict[str, Any] | None:
     from bayesgrasp.data.images import to_metres
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.geometry.camera import canonical_camera
-    from bayesgrasp.posterior.familiarity import fit_familiarity
-    from bayesgrasp.posterior.surface import SurfaceReader
+    from bayesgrasp.observation.familiarity import fit_familiarity
+    from bayesgrasp.observation.surface import SurfaceReader
 
     rows = dataset.scenes("train").rows
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), FAMILIARITY_IMAGES)).astype(int)]

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bayesgrasp.ratio.presets import Part
-    from bayesgrasp.ratio.train import Progress
+    from bayesgrasp.training.presets import Part
+    from bayesgrasp.training.train_estimator import Progress
 
     Observer = Callable[[Part, Progress], None]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bayesgrasp.benchmark.journal import SceneResult
+    from bayesgrasp.evaluation.journal import SceneResult
 
 
 def transfer(
@@ -54,11 +54,6 @@ def transfer(
         workers: Processes.
         resume: Go on with the run in --out, or start it where there is none.
     """
-    from bayesgrasp.assets.catalogue import load_objects
-    from bayesgrasp.benchmark.runner import Benchmark
-    from bayesgrasp.benchmark.shifts import NONE, SHIFTS, find_shift
-    from bayesgrasp.benchmark.strategies import STRATEGIES
-    from bayesgrasp.benchmark.tables import summarize
     from bayesgrasp.cli.benchmark import (
         LoadModel,
         announce_skipped,
@@ -67,9 +62,14 @@ def transfer(
         search_config,
         write_results,
     )
-    from bayesgrasp.cli.loading import DEFAULT_MODEL
     from bayesgrasp.errors import InvalidConfigurationError
+    from bayesgrasp.evaluation.runner import Benchmark
+    from bayesgrasp.evaluation.shifts import NONE, SHIFTS, find_shift
+    from bayesgrasp.evaluation.strategies import STRATEGIES
+    from bayesgrasp.evaluation.tables import summarize
+    from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.ratio.checkpoint import read_card
+    from bayesgrasp.workflows.loading import DEFAULT_MODEL
 
     directory = DEFAULT_MODEL if model is None else model
     card = read_card(directory)
@@ -96,8 +96,8 @@ def transfer(
 
 
 def _write(origin: dict[str, Any], results: dict[str, Sequence[SceneResult]], out: Path) -> None:
-    from bayesgrasp.benchmark.figures import plot_transfer
-    from bayesgrasp.benchmark.transfer import markdown_transfer, summarize_transfer
+    from bayesgrasp.evaluation.figures import plot_transfer
+    from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
 
     summary = {**origin, **summarize_transfer(results)}
     (out / "transfer.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from bayesgrasp.data.loader import GraspDataset, Split
-    from bayesgrasp.data.simulate import Trials
+    from bayesgrasp.generation.trials import Trials
     from bayesgrasp.types import Hands
 
 FAILURES = 4
@@ -71,10 +71,10 @@ def fresh(split: str, ycb_dir: Path | None, count: int, seed: int, workers: int)
     """From new simulations under the prior: equally likely successes, each with an image of its own scene."""
     import torch
 
-    from bayesgrasp.assets.catalogue import load_objects
     from bayesgrasp.cli.counting import progress_bar
-    from bayesgrasp.data.fresh import fresh_pairs
-    from bayesgrasp.data.planar import hands_of
+    from bayesgrasp.generation.fresh_pairs import fresh_pairs
+    from bayesgrasp.objects.catalogue import load_objects
+    from bayesgrasp.prior.planar_symmetry import hands_of
 
     found = 0
     with progress_bar("successes", count) as advance:

@@ -20,9 +20,9 @@ from jaxtyping import Int64
 
 from bayesgrasp.data.cache import Columns
 from bayesgrasp.data.loader import SHUFFLE, GraspDataset, Split, attempt_batch, in_split
-from bayesgrasp.data.planar import PlanarRefresh
 from bayesgrasp.data.schema import AttemptRecords, Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.prior.planar_symmetry import PlanarRefresh
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Outcome
 

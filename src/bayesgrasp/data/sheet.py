@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import IMAGE_SHAPE, Batch
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.simulators.views import disturbed_camera
+from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.types import CameraNuisances, GraspType, Hands
 
 ZOOM = 2

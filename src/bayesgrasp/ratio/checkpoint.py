@@ -21,7 +21,7 @@ from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
-from bayesgrasp.ratio.state import load_weights, read_tensors, write_tensors
+from bayesgrasp.ratio.tensor_file import load_weights, read_tensors, write_tensors
 
 SCHEMA = 1
 CARD = "card.json"

@@ -1,1 +1,1 @@
-"""Doors to hardware."""
+"""The hand and the arm: descriptions, their physics models, motions, and what the open hand touches."""

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from jaxtyping import UInt8
 
-from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.geometry.camera import Camera, look_at
-from bayesgrasp.simulators.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts
 from bayesgrasp.viewer.raycast import contact_sheet, physics_meshes, render
 

@@ -7,8 +7,8 @@ import colorsys
 import numpy as np
 from jaxtyping import UInt8
 
-from bayesgrasp.assets.object_asset import ObjectAsset
 from bayesgrasp.geometry.camera import Camera, look_at
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.viewer.raycast import ColoredMesh, contact_sheet, render
 
 VIEWS = ((35.0, 20.0), (125.0, 20.0), (35.0, 65.0))  # azimuth and elevation, degrees

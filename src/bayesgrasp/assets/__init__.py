@@ -1,1 +1,0 @@
-"""Objects, gripper, arm, and the physics scene made of them."""

@@ -1,1 +1,0 @@
-"""Strategies of the paper's table, judged by the lift test."""

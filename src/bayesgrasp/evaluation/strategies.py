@@ -1,0 +1,153 @@
+"""The strategies of the paper's table (section 4.2), as potentials for one and the same search.
+
+    prior_sample    h ~ p(h)
+    prior_argmax    argmax p(h)
+    mle_metric      argmax p(S=1 | h)                    map_metric   argmax p(h | S=1)
+    mle_image       argmax p(S=1, i | h)                 map_image    argmax p(h | S=1, i)
+    mle_full        argmax p(S=1, O, p_O, beta, mu | h)  map_full     argmax p(h | S=1, O, p_O, beta, mu)
+
+A likelihood is maximised inside the prior's box of positions, where alone its estimator is defined; the prior's density
+of rotations and types is what it leaves out. The image rows use the model's image posterior, whichever it holds
+(`ratio.model`). The full rows know the object's mesh, scale, pose and true friction, so they are defined only on
+objects that the model was trained with. All searches of a scene start from the same draws.
+
+Two baselines that a user would try first stand beside them (`top_down`, `force_closure`), and `plan` is what the
+deployed planner would do: the best grasp of its ranking that the arm can reach without hitting what the camera sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.evaluation.scenes import Situation
+from bayesgrasp.evaluation.shifts import Shift
+from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.planning.plan import Plan
+from bayesgrasp.planning.planner import Planner
+from bayesgrasp.posterior.ascent import AscentConfig, find_map
+from bayesgrasp.posterior.potential import (
+    LogDensity,
+    Potential,
+    Prior,
+    likelihood_potential,
+    posterior_potential,
+    prior_potential,
+)
+from bayesgrasp.ratio.model import GraspModel, route_given_image
+from bayesgrasp.types import Hands
+
+PRIOR = ("prior_sample", "prior_argmax")
+METRIC = ("mle_metric", "map_metric")
+IMAGE = ("mle_image", "map_image")
+FULL = ("mle_full", "map_full")
+LADDER = (*PRIOR, *METRIC, *IMAGE, *FULL)
+BASELINES = ("top_down", "force_closure")
+STRATEGIES = (*LADDER, *BASELINES, "plan")
+SEES_IMAGE = (*IMAGE, "top_down", "plan")
+KNOWS_OBJECT = (*FULL, "force_closure")
+"""Mesh, pose, size and friction."""
+
+Choose = Callable[[Situation, np.random.Generator], Hands | None]
+"""From a scene to one hand, of batch shape (1,); None where a strategy declines."""
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """The search of every optimising strategy; the defaults are those of the paper's Algorithm 2.
+
+    Attributes:
+        num_draws: Draws from the prior that compete for the starts.
+        ascent: The ascents.
+
+    Raises:
+        InvalidConfigurationError: No draws.
+    """
+
+    num_draws: int = 1000
+    ascent: AscentConfig = field(default_factory=AscentConfig)
+
+    def __post_init__(self) -> None:
+        if self.num_draws < 1:
+            raise InvalidConfigurationError(f"num_draws must be at least 1, got {self.num_draws}")
+
+
+def missing(name: str, roles: Sequence[str]) -> str | None:
+    """What a model with these estimators lacks for a strategy, in words; None where nothing."""
+    if name in METRIC and "metric" not in roles:
+        return "the model has no metric estimator, p(S=1 | h)"
+    if (name in IMAGE or name == "plan") and route_given_image(roles) is None:
+        return "the model has no estimator of p(S=1, i | h)"
+    if name in FULL and "full" not in roles:
+        return "the model has no full-observation estimator"
+    return None
+
+
+def replans(name: str, shift: Shift) -> bool:
+    """Whether a shift changes what a strategy looks at, so that it chooses again."""
+    return (name in SEES_IMAGE and shift.changes_image) or (name in KNOWS_OBJECT and shift.changes_object)
+
+
+def model_strategies(model: GraspModel, prior: Prior, search: SearchConfig) -> dict[str, Choose]:
+    """The eight rows of the table by name; each needs the estimators that `missing` looks for."""
+    meshes = {name: index for index, name in enumerate(model.card.get("objects", ()))}
+    ratios: dict[str, Callable[[Situation], LogDensity]] = {
+        "metric": lambda situation: model.given_success(),
+        "image": lambda situation: model.given_image(torch.from_numpy(situation.image)[None]),
+        "full": lambda situation: _given_object(model, meshes, situation),
+    }
+    chosen: dict[str, Choose] = {
+        "prior_sample": lambda situation, rng: prior.sample(1, rng),
+        "prior_argmax": lambda situation, rng: _minimum(prior_potential(prior), prior, search, rng),
+    }
+    for kind, ratio in ratios.items():
+        chosen[f"mle_{kind}"] = _optimum(likelihood_potential, ratio, prior, search)
+        chosen[f"map_{kind}"] = _optimum(posterior_potential, ratio, prior, search)
+    return chosen
+
+
+def planned(planner: Planner) -> Choose:
+    """The deployed planner's first grasp; None where it declines to grasp."""
+
+    def choose(situation: Situation, rng: np.random.Generator) -> Hands | None:
+        seed = int(rng.integers(2**31))
+        return first_grasp(planner.plan(situation.depth, canonical_camera(), top=1, seed=seed))
+
+    return choose
+
+
+def first_grasp(plan: Plan) -> Hands | None:
+    """The hand of a plan's best grasp, batch shape (1,); None where there is no grasp."""
+    if not plan.grasps:
+        return None
+    pose = torch.from_numpy(plan.grasps[0].hand_to_world).float()
+    types = torch.tensor([int(plan.grasps[0].grasp_type)])
+    return Hands(pose[None, :3, 3], pose[None, :3, :3], types)
+
+
+def _optimum(
+    potential: Callable[[LogDensity, Prior], Potential],
+    ratio: Callable[[Situation], LogDensity],
+    prior: Prior,
+    search: SearchConfig,
+) -> Choose:
+    def choose(situation: Situation, rng: np.random.Generator) -> Hands | None:
+        return _minimum(potential(ratio(situation), prior), prior, search, rng)
+
+    return choose
+
+
+def _minimum(potential: Potential, prior: Prior, search: SearchConfig, rng: np.random.Generator) -> Hands:
+    best = find_map(potential, prior, rng, search.num_draws, search.ascent).best
+    return Hands(best.position[None], best.rotation[None], best.grasp_type[None])
+
+
+def _given_object(model: GraspModel, meshes: Mapping[str, int], situation: Situation) -> LogDensity:
+    if situation.asset.id not in meshes:
+        raise InvalidConfigurationError(f"the model was not trained with the object '{situation.asset.id}'")
+    scale, friction = float(situation.scene.scale[0]), float(situation.nuisances.lateral_friction[0])
+    return model.given_object(meshes[situation.asset.id], scale, situation.pose, friction)

@@ -1,0 +1,1 @@
+"""How data are made: priors and simulators, chunks of records, and the processes that make them."""

@@ -1,0 +1,1 @@
+"""PyBullet as a second physics engine of the lift test."""

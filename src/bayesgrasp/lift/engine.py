@@ -1,0 +1,88 @@
+"""What a physics engine has to do for the lift test, and MuJoCo doing it.
+
+The scene is described once: arm, hand, table and object as a compiled MuJoCo model (`bayesgrasp.assets`). Its data
+(`mujoco.MjData`) is the state that all engines share: joint angles, the object's pose, set-points of the servos,
+tensions of the motors, the force on the object. An engine takes the state over, advances it by control periods, and
+says whether hand and object touch; everything else of a lift test (motion, closing, criterion, pictures) reads and
+writes the shared state and is the same code for every engine.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import mujoco
+
+from bayesgrasp.robot.gripper_model import GripperHandle
+from bayesgrasp.robot.physics_scene import ObjectHandle
+
+
+class DivergedError(Exception):
+    """The simulation left the region where it means anything."""
+
+
+class Engine(Protocol):
+    """Physics of one compiled model.
+
+    The shared state: before ``start`` qpos and ctrl; while it runs ctrl and the force on the object (``xfrc_applied``,
+    newton, at its centre of mass) go in, and qpos, qvel, actuator_force, positions of bodies and time come out.
+    """
+
+    def start(self) -> None:
+        """Take over the state, at rest."""
+
+    def advance(self, seconds: float) -> None:
+        """Advance the state."""
+
+    def touching(self) -> bool:
+        """Whether hand and object were in contact in the last step."""
+
+    def stop(self) -> None:
+        """Let go of everything that ``start`` took."""
+
+
+class MujocoEngine:
+    """MuJoCo: the shared state is its own.
+
+    Args:
+        model: With a hand and an object.
+        data: Of the model.
+        hand: The hand in it.
+        item: The object in it.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, hand: GripperHandle, item: ObjectHandle) -> None:
+        self.model, self.data = model, data
+        self._is_hand = hand.is_geom
+        self._is_object = model.geom_bodyid == item.body
+
+    def start(self) -> None:
+        """Nothing to take over."""
+
+    def advance(self, seconds: float) -> None:
+        """Whole steps of MuJoCo's own."""
+        mujoco.mj_step(self.model, self.data, round(seconds / self.model.opt.timestep))
+
+    def touching(self) -> bool:
+        """Whether the shapes of hand and object overlap."""
+        pairs = self.data.contact.geom
+        return len(pairs) > 0 and bool((self._is_object[pairs].any(axis=1) & self._is_hand[pairs].any(axis=1)).any())
+
+    def stop(self) -> None:
+        """Nothing to let go."""
+
+
+class Collidable:
+    """Which bodies of a model may collide: neither one body, nor parent and child, nor a pair excluded by name."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._weld, self._parent = model.body_weldid.tolist(), model.body_parentid.tolist()
+        self._excluded = {(s >> 16, s & 0xFFFF) for s in model.exclude_signature.tolist()}
+
+    def __call__(self, first: int, second: int) -> bool:
+        """Whether two bodies may collide."""
+        one, other = self._weld[first], self._weld[second]
+        if one == other or (first, second) in self._excluded or (second, first) in self._excluded:
+            return False
+        above, below = self._weld[self._parent[one]], self._weld[self._parent[other]]
+        return not ((one != 0 and one == below) or (other != 0 and other == above))

@@ -1,0 +1,178 @@
+"""Physics of one attempt: approach, close until contact, lift, hold, decide (section 4.1).
+
+The fingers close at the motors' speed; a motor stops when its tension reaches its torque and goes on if the tension
+falls again, and its gear holds what it has reached. The success criterion is stated here and nowhere else, see
+`LiftConfig`; the harder one is `bayesgrasp.lift.hold`. Neither knows which engine runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.lift.engine import DivergedError
+from bayesgrasp.lift.hold import HoldConfig, holds
+from bayesgrasp.lift.rig import Rig
+from bayesgrasp.robot.motion import Motion
+from bayesgrasp.types import GraspType, Outcome
+
+Observer = Callable[[mujoco.MjModel, mujoco.MjData], None]
+
+
+@dataclass(frozen=True)
+class LiftConfig:
+    """Timing of the lift test, and its criterion.
+
+    A grasp succeeds if, after the hand has risen and stood still for ``hold_time``, the object's centre of mass has
+    risen by at least ``success_rise`` of the hand's own rise, and if from the start of the lift to the end of the hold
+    the object never lost touch with the hand for longer than ``release_time``.
+
+    Attributes:
+        approach_time: Seconds from the pre-grasp to h.
+        closing_limit: Seconds after which the lift begins even if a motor still moves; it goes on moving then.
+        lift_time: Seconds of the rise.
+        hold_time: Seconds of standing still after it.
+        settle_time: Seconds after closing and before the lift.
+        success_rise: Share of the hand's rise, in (0, 1].
+        release_time: Seconds.
+        control_period: Seconds between updates of set-points and checks.
+        largest_speed: Metres per second; an object faster than this means that the simulation diverged.
+    """
+
+    approach_time: float = 0.3
+    closing_limit: float = 1.5
+    lift_time: float = 0.5
+    hold_time: float = 0.4
+    settle_time: float = 0.05
+    success_rise: float = 0.8
+    release_time: float = 0.05
+    control_period: float = 0.01
+    largest_speed: float = 20.0
+
+    def __post_init__(self) -> None:
+        times = (
+            self.approach_time,
+            self.closing_limit,
+            self.lift_time,
+            self.hold_time,
+            self.release_time,
+            self.control_period,
+        )
+        if min(times) <= 0 or self.settle_time < 0:
+            raise InvalidConfigurationError("times of the lift test must be positive, in seconds")
+        if not 0 < self.success_rise <= 1:
+            raise InvalidConfigurationError(f"success_rise must be in (0, 1], got {self.success_rise}")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How an attempt ended.
+
+    Attributes:
+        outcome: NO_CONTACT, DROPPED, SUCCESS or DIVERGED where physics ran.
+        held: Whether a success also held against pushes; False for any other outcome, and where that was not tried.
+    """
+
+    outcome: Outcome
+    held: bool = False
+
+
+def execute(
+    rig: Rig,
+    grasp_type: GraspType,
+    motion: Motion,
+    config: LiftConfig,
+    hold: HoldConfig | None = None,
+    observe: Observer | None = None,
+) -> Verdict:
+    """Run a prepared attempt to its end.
+
+    Args:
+        rig: Prepared.
+        grasp_type: As prepared.
+        motion: Of the arm; the transit is not simulated.
+        config: Timing and criterion.
+        hold: The harder criterion, if it is to be tried after a success.
+        observe: Called after every control period.
+    """
+    run = _Run(rig, grasp_type, motion, config, observe)
+    outcome = Outcome.DIVERGED
+    try:
+        outcome = run.outcome()
+        held = hold is not None and outcome == Outcome.SUCCESS and holds(rig, hold, run.tick, config.control_period)
+        return Verdict(outcome, held)
+    except DivergedError:
+        return Verdict(outcome)
+    finally:
+        rig.engine.stop()
+
+
+class _Run:
+    """One attempt in progress."""
+
+    def __init__(
+        self, rig: Rig, grasp_type: GraspType, motion: Motion, config: LiftConfig, observe: Observer | None
+    ) -> None:
+        self.rig, self.motion, self.config, self.observe = rig, motion, config, observe
+        self.grasp_type = grasp_type
+        self.closing = self.advancing = self.touched = False
+        self.released = 0.0
+
+    def outcome(self) -> Outcome:
+        """Run all phases."""
+        config = self.config
+        self.rig.set_arm(self.motion.approach[0])
+        self.rig.engine.start()
+        self._follow(self.motion.approach, config.approach_time)
+        self._close()
+        self._wait(config.settle_time)
+        if not self.touched:
+            return Outcome.NO_CONTACT
+        return Outcome.SUCCESS if self._lift() else Outcome.DROPPED
+
+    def _close(self) -> None:
+        """Close until no motor advances; from now on the motors keep their torque."""
+        self.closing = self.advancing = True
+        for _ in range(round(self.config.closing_limit / self.config.control_period)):
+            if self.advancing:
+                self.tick()
+
+    def _lift(self) -> bool:
+        """Rise and hold; whether the criterion of `LiftConfig` is met. Ends early once the object is lost."""
+        rig, config = self.rig, self.config
+        hand, item = rig.heights()
+        self.released = 0.0
+        held = self._follow(self.motion.lift, config.lift_time) and self._wait(config.hold_time)
+        hand_after, item_after = rig.heights()
+        return held and item_after - item >= config.success_rise * (hand_after - hand)
+
+    def _follow(self, path: Float64[np.ndarray, "waypoints 6"], duration: float) -> bool:
+        """Move the arm's set-points smoothly along a path; False as soon as the object is lost after closing."""
+        ticks = max(1, round(duration / self.config.control_period))
+        for fraction in np.arange(1, ticks + 1) / ticks:
+            smooth = fraction * fraction * (3.0 - 2.0 * fraction) * (len(path) - 1)
+            index = min(int(smooth), len(path) - 2)
+            self.rig.command_arm(path[index] + (smooth - index) * (path[index + 1] - path[index]))
+            if not self.tick():
+                return False
+        return True
+
+    def _wait(self, duration: float) -> bool:
+        return all(self.tick() for _ in range(round(duration / self.config.control_period)))
+
+    def tick(self) -> bool:
+        """One control period; False once hand and object were apart for longer than the release time."""
+        rig, period = self.rig, self.config.control_period
+        self.advancing = self.closing and rig.hand.close(rig.data, self.grasp_type, period)
+        rig.step(period, self.config.largest_speed)
+        touching = rig.engine.touching()
+        self.touched |= touching
+        self.released = 0.0 if touching else self.released + period
+        if self.observe is not None:
+            self.observe(rig.model, rig.data)
+        return not self.touched or self.released <= self.config.release_time

@@ -1,0 +1,112 @@
+"""Arm, hand, table and one object in one compiled model, and what a lift test does with them, in any engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from bayesgrasp.lift.engine import DivergedError, Engine
+from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.robot.arm import JOINTS, ArmDescription
+from bayesgrasp.robot.arm_model import add_arm, joint_name
+from bayesgrasp.robot.gripper import GripperDescription
+from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
+from bayesgrasp.robot.physics_scene import ObjectHandle, PhysicsConfig, add_object, new_spec
+from bayesgrasp.types import GraspType
+
+MakeEngine = Callable[[mujoco.MjModel, mujoco.MjData, GripperHandle, ObjectHandle], Engine]
+"""Puts an engine behind a model and its data."""
+
+
+class Rig:
+    """Arm, hand, table and one object, prepared and moved attempt by attempt.
+
+    Args:
+        arm: The arm.
+        gripper: The hand.
+        asset: The object.
+        physics: Numerics of the model.
+        make_engine: Of the engine that moves it.
+    """
+
+    def __init__(
+        self,
+        arm: ArmDescription,
+        gripper: GripperDescription,
+        asset: ObjectAsset,
+        physics: PhysicsConfig,
+        make_engine: MakeEngine,
+    ) -> None:
+        spec = new_spec(physics)
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        add_gripper(spec, add_arm(spec, arm), gripper)
+        add_object(spec, asset)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.object = ObjectHandle(self.model)
+        self.hand = GripperHandle(self.model, gripper)
+        self.engine = make_engine(self.model, self.data, self.hand, self.object)
+        self._arm_qpos = np.array([self.model.joint(joint_name(j)).qposadr[0] for j in range(JOINTS)])
+        self._arm_ctrl = np.array([self.model.actuator(joint_name(j)).id for j in range(JOINTS)])
+        self._is_robot = (self.model.geom_bodyid != self.object.body) & (self.model.geom_bodyid != 0)
+
+    def collides(self, arm_angles: Float64[np.ndarray, "6"]) -> bool:
+        """Whether arm or hand overlaps anything at arm angles (radians); the hand and the object stay as they are."""
+        data = self.data
+        data.qpos[self._arm_qpos] = arm_angles
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        if data.ncon == 0:
+            return False
+        robot = self._is_robot[data.contact.geom].any(axis=1)
+        return bool((robot & (data.contact.dist < 0.0)).any())
+
+    def prepare(
+        self,
+        grasp_type: GraspType,
+        object_pose: Float64[np.ndarray, "7"],
+        properties: tuple[float, float, float, float],
+    ) -> None:
+        """Reset the world: hand open, object at a pose, with (scale, mass factor, lateral, spinning friction)."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.object.set(*properties)
+        self.data.qpos[self.object.qpos] = object_pose
+        self.hand.open(self.data, grasp_type)
+
+    def set_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
+        """Put the arm at joint angles (radians), at rest, and command it to stay."""
+        self.data.qpos[self._arm_qpos] = angles
+        self.command_arm(angles)
+
+    def command_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
+        """Set-points of the arm's servos, radians."""
+        self.data.ctrl[self._arm_ctrl] = angles
+
+    def step(self, seconds: float, largest_speed: float) -> None:
+        """Advance, or raise `DivergedError` if the state is not finite or the object faster than that (m/s)."""
+        data = self.data
+        self.engine.advance(seconds)
+        speed = data.qvel[self.object.qvel][:3]
+        if not np.isfinite(data.qpos).all() or not speed @ speed < largest_speed**2:
+            raise DivergedError
+
+    def heights(self) -> tuple[float, float]:
+        """Heights of the palm and of the object's centre of mass, metres."""
+        return float(self.data.xpos[self.hand.palm, 2]), float(self.data.xipos[self.object.body, 2])
+
+    def object_in_hand(self) -> Float64[np.ndarray, "4 4"]:
+        """Pose of the object's centre of mass, with the axes of its frame, in the hand frame."""
+        data, palm, item = self.data, self.hand.palm, self.object.body
+        rotation = data.xmat[palm].reshape(3, 3)
+        pose = np.eye(4)
+        pose[:3, :3] = rotation.T @ data.xmat[item].reshape(3, 3)
+        pose[:3, 3] = rotation.T @ (data.xipos[item] - data.xpos[palm])
+        return pose
+
+    def push(self, acceleration: Float64[np.ndarray, "3"]) -> None:
+        """From now on a force on the object's centre of mass: its mass times an acceleration in the hand frame."""
+        model, data, body = self.model, self.data, self.object.body
+        data.xfrc_applied[body, :3] = model.body_mass[body] * (data.xmat[self.hand.palm].reshape(3, 3) @ acceleration)

@@ -1,0 +1,1 @@
+"""Meshes as they come from files, cut into convex parts, and how they rest on a table."""

@@ -1,0 +1,143 @@
+"""What a plan is: ranked grasps, or the reason why there are none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from scipy.spatial.transform import Rotation
+
+from bayesgrasp.observation.surface import Surface
+from bayesgrasp.posterior.sampling import PosteriorSample
+from bayesgrasp.types import GraspType
+
+JointPath = Float64[np.ndarray, "waypoints joints"]
+Pose = Float64[np.ndarray, "4 4"]
+
+
+@runtime_checkable
+class Motion(Protocol):
+    """Joint angles (radians) of a whole grasp: to the pre-grasp, straight to h, and straight up after closing."""
+
+    @property
+    def transit(self) -> JointPath:
+        """From home to the pre-grasp."""
+        ...
+
+    @property
+    def approach(self) -> JointPath:
+        """From the pre-grasp straight to h."""
+        ...
+
+    @property
+    def lift(self) -> JointPath:
+        """From h straight up."""
+        ...
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """One grasp that the arm can reach.
+
+    Attributes:
+        hand_to_world: Pose of the hand, metres.
+        hand_to_camera: The same in the frame of the user's camera.
+        grasp_type: Grasp type.
+        log_posterior: log p(h | S=1, i), nats, with respect to metres cubed and the surface measure of S^3; its
+            constant is a Monte Carlo estimate.
+        success_probability: Estimate of p(S=1 | i, h).
+        on_object: Share of the measured object points that lie between the fingers.
+        clearance: Least distance of the open hand, on its straight way to h, from the measured points above the
+            table, metres; slightly negative within the sensor's noise.
+        motion: Joint angles of the arm.
+    """
+
+    hand_to_world: Pose
+    hand_to_camera: Pose
+    grasp_type: GraspType
+    log_posterior: float
+    success_probability: float
+    on_object: float
+    clearance: float
+    motion: Motion
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain data; metres, radians, quaternions (w, x, y, z)."""
+        return {
+            **_pose_to_dict(self.hand_to_world),
+            "grasp_type": self.grasp_type.name.lower(),
+            "log_posterior": self.log_posterior,
+            "success_probability": self.success_probability,
+            "object_between_fingers": self.on_object,
+            "clearance": self.clearance if np.isfinite(self.clearance) else None,
+            "in_camera_frame": _pose_to_dict(self.hand_to_camera),
+            "joint_path": self._phases(),
+        }
+
+    def _phases(self) -> list[dict[str, Any]]:
+        """The joint path by phase; closing moves the fingers only."""
+        motion = self.motion
+        angles = {"pre_grasp": motion.transit, "approach": motion.approach, "close": motion.approach[-1:]}
+        return [{"phase": name, "joints": path.tolist()} for name, path in (angles | {"lift": motion.lift}).items()]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The answer to one image.
+
+    Attributes:
+        grasps: Ranked, best first.
+        reason: Why there is none, in words; None where there is one.
+        warnings: What to know before trusting the grasps, in words.
+        unfamiliarity: Distance from the training images over the largest one that counts as familiar: above 1 the
+            image is unlike the training images. None where the model does not know its training images.
+        camera_to_world: Pose of the user's camera, given or found.
+        workspace_to_world: Frame in which the posterior was evaluated: the world turned about z until the camera stands
+            where it stood in training.
+        image: What the network saw, metres.
+        surface: The measured points, in the workspace frame.
+        samples: Draws from the posterior in the workspace frame, where asked for.
+        timings_ms: Wall-clock time of each stage, and `total`.
+    """
+
+    grasps: tuple[Grasp, ...]
+    reason: str | None
+    warnings: tuple[str, ...]
+    unfamiliarity: float | None
+    camera_to_world: Pose
+    workspace_to_world: Pose
+    image: Float32[np.ndarray, "height width"]
+    surface: Surface
+    samples: PosteriorSample | None
+    timings_ms: dict[str, float]
+
+    @property
+    def familiar(self) -> bool:
+        """False where the image is known to be unlike the training images."""
+        return self.unfamiliarity is None or self.unfamiliarity <= 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain data."""
+        return {
+            "grasps": [grasp.to_dict() for grasp in self.grasps],
+            "reason": self.reason,
+            "warnings": list(self.warnings),
+            "misspecification": {"score": self.unfamiliarity, "unfamiliar": not self.familiar},
+            "camera_to_world": self.camera_to_world.tolist(),
+            "posterior": _sample_to_dict(self.samples),
+            "timings_ms": self.timings_ms,
+        }
+
+
+def _pose_to_dict(pose: Pose) -> dict[str, Any]:
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True, scalar_first=True)
+    return {"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist(), "quaternion": quaternion.tolist()}
+
+
+def _sample_to_dict(samples: PosteriorSample | None) -> dict[str, Any] | None:
+    if samples is None:
+        return None
+    names = ("effective_sample_size", "log_mean_ratio", "acceptance", "jump_acceptance")
+    return {"samples": len(samples.hands.grasp_type), **{name: getattr(samples, name) for name in names}}

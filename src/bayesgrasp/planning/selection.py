@@ -1,0 +1,214 @@
+"""Which hands the robot can execute, and in which order it should try them.
+
+A robot wants the grasp that most probably succeeds. The mode of p(h | S=1, i) need not be it: where p(S=1 | i, h) is
+near 1 for many hands, the prior decides among them, and draws the mode towards its own. So grasps are ranked by
+p(S=1 | i, h); probabilities that hardly differ are a tie, which the posterior breaks. A grasp is executable if it is
+clear of the measured surface and of the table and within the arm's reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.grasp_space import GraspSpace
+from bayesgrasp.observation.surface import Surface
+from bayesgrasp.planning.plan import Grasp, Motion, Pose
+from bayesgrasp.robot.open_hand import OpenHand
+from bayesgrasp.types import GraspType, Hands
+
+MOST_POINTS = 800
+"""More measured points than this are thinned."""
+
+
+@runtime_checkable
+class Reach(Protocol):
+    """Plans the arm's motion to a hand pose."""
+
+    def __call__(self, hand_to_world: Pose, grasp_type: GraspType) -> Motion | None:
+        """A collision-free motion, or None."""
+        ...
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What executes a grasp.
+
+    Attributes:
+        hand: The open hand.
+        reach: The arm.
+    """
+
+    hand: OpenHand
+    reach: Reach
+
+
+@dataclass(frozen=True)
+class SelectionConfig:
+    """What makes a grasp executable and distinct, and which is better.
+
+    Attributes:
+        rank: By estimated success probability, ties broken by the log posterior; or by the log posterior alone.
+        tie: Success probabilities that differ by no more than this are a tie.
+        distinct: Grasps closer than this are one grasp, radians in the metric `space`.
+        penetration: The open hand may cut this far into the measured surface (its noise), metres.
+        cutting_points: From so many measured points deeper than that on, a hand collides.
+        standoff: The straight approach is as long as this, metres; the open hand must be clear all along.
+        space: The metric.
+    """
+
+    rank: Literal["success", "posterior"] = "success"
+    tie: float = 0.001
+    distinct: float = 0.2
+    penetration: float = 0.003
+    cutting_points: int = 2
+    standoff: float = 0.10
+    space: GraspSpace = field(default_factory=GraspSpace)
+
+    def __post_init__(self) -> None:
+        if self.rank not in ("success", "posterior"):
+            raise InvalidConfigurationError(f"grasps are ranked by success or posterior, not by {self.rank!r}")
+        if min(self.tie, self.distinct, self.penetration, self.standoff) < 0 or self.cutting_points < 1:
+            raise InvalidConfigurationError(
+                "need tie, distinct, penetration and standoff >= 0, and cutting_points >= 1"
+            )
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Hands to choose from.
+
+    Attributes:
+        hands: In the workspace frame.
+        log_posterior: log p(h | S=1, i) of each, nats.
+        probability: Estimate of p(S=1 | i, h) of each.
+    """
+
+    hands: Hands
+    log_posterior: Float[Tensor, "n"]
+    probability: Float[Tensor, "n"]
+
+    def ranked(self, config: SelectionConfig) -> list[int]:
+        """Indices of the hands, best first."""
+        by_posterior = self.log_posterior.argsort(descending=True)
+        if config.rank == "posterior":
+            return list(by_posterior.tolist())
+        level = _levels(self.probability, config.tie)[by_posterior]
+        return list(by_posterior[level.argsort(stable=True)].tolist())
+
+
+class Selection:
+    """Picks the candidates that the robot can execute.
+
+    Args:
+        robot: The hand and the arm.
+        surface: Measured points, in the workspace frame.
+        camera_to_world: Pose of the user's camera.
+        workspace_to_world: Frame of the candidates.
+        config: What makes a grasp executable and distinct.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        surface: Surface,
+        camera_to_world: Pose,
+        workspace_to_world: Pose,
+        config: SelectionConfig,
+    ) -> None:
+        self.robot, self.config = robot, config
+        self.world_to_camera = np.linalg.inv(camera_to_world)
+        self.workspace_to_world = workspace_to_world
+        raised = surface.raised_points()
+        self.raised = raised[:: 1 + len(raised) // MOST_POINTS]
+        self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // MOST_POINTS]
+        self.failures = {"the arm does not reach it": 0, "the open hand would cut into the object or the table": 0}
+
+    def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
+        """The best `top` distinct candidates that can be executed, or the reason why there is none."""
+        grasps: list[Grasp] = []
+        tried: list[int] = []
+        for index in candidates.ranked(self.config):
+            if len(grasps) == top:
+                break
+            if self._repeats(candidates.hands, tried, index):
+                continue
+            tried.append(index)
+            grasp = self._check(candidates, index)
+            if grasp is not None:
+                grasps.append(grasp)
+        return tuple(grasps), None if grasps else self._reason(len(tried))
+
+    def _repeats(self, hands: Hands, tried: list[int], index: int) -> bool:
+        if not tried:
+            return False
+        distance = self.config.space.distance(hands[index : index + 1], hands[torch.tensor(tried)])
+        return bool((distance < self.config.distinct).any())
+
+    def _check(self, candidates: Candidates, index: int) -> Grasp | None:
+        hands = candidates.hands
+        grasp_type = GraspType(int(hands.grasp_type[index]))
+        hand_to_workspace = np.eye(4)
+        hand_to_workspace[:3, :3], hand_to_workspace[:3, 3] = (
+            hands.rotation[index].numpy(),
+            hands.position[index].numpy(),
+        )
+        clearance = self._clearance(hand_to_workspace, grasp_type)
+        if clearance is None:
+            self.failures["the open hand would cut into the object or the table"] += 1
+            return None
+        hand_to_world = self.workspace_to_world @ hand_to_workspace
+        motion = self.robot.reach(hand_to_world, grasp_type)
+        if motion is None:
+            self.failures["the arm does not reach it"] += 1
+            return None
+        between = self.robot.hand.between_fingers(_in_hand(self.item, hand_to_workspace))
+        return Grasp(
+            hand_to_world,
+            self.world_to_camera @ hand_to_world,
+            grasp_type,
+            float(candidates.log_posterior[index]),
+            float(candidates.probability[index]),
+            float(between.mean()),
+            clearance,
+            motion,
+        )
+
+    def _clearance(self, hand_to_workspace: Pose, grasp_type: GraspType) -> float | None:
+        """Least distance to the measured surface on the way to h; None where the open hand collides."""
+        if self.robot.hand.lowest(hand_to_workspace, grasp_type) < -self.config.penetration:
+            return None
+        if len(self.raised) == 0:
+            return np.inf
+        points = _in_hand(self.raised, hand_to_workspace)
+        clearance = np.inf
+        for back in np.linspace(0.0, self.config.standoff, 3):
+            distance = self.robot.hand.distance(points + np.array([back, 0.0, 0.0]), grasp_type)
+            if (distance < -self.config.penetration).sum() >= self.config.cutting_points:
+                return None
+            clearance = min(clearance, float(distance.min()))
+        return clearance
+
+    def _reason(self, tried: int) -> str:
+        causes = ", ".join(f"{cause} ({count})" for cause, count in self.failures.items() if count)
+        return f"unreachable: none of the {tried} best grasps can be executed: {causes}"
+
+
+def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:
+    return (points - hand_to_workspace[:3, 3]) @ hand_to_workspace[:3, :3]
+
+
+def _levels(value: Float[Tensor, "n"], tie: float) -> Int[Tensor, "n"]:
+    """0 for the largest value and all within `tie` of it, 1 for the largest of the others and its ties, and so on."""
+    level, left = torch.zeros(value.shape, dtype=torch.int64), torch.ones_like(value, dtype=torch.bool)
+    while left.any():
+        group = left & (value >= value[left].max() - tie)
+        left &= ~group
+        level[left] += 1
+    return level

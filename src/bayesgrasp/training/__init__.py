@@ -1,0 +1,1 @@
+"""What ratio estimators learn from and how: losses, objectives, the loop, and whole models."""

@@ -1,0 +1,116 @@
+"""What is trained: the estimators of each preset with their objectives and schedules.
+
+    paper   d_phi and d_theta as the paper describes them; every width and schedule that it leaves open is here
+    best    p(S=1 | i, h) from local evidence, and d_phi for the strategies without an image
+
+Both may be followed by the full-observation estimator (the ideal rows of the paper's table); the joint ratio is the
+ablation that the paper argues against.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig
+from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
+from bayesgrasp.ratio.layers import ConvConfig, HandConfig
+from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig, Window
+from bayesgrasp.training.losses import LossConfig
+from bayesgrasp.training.objectives import (
+    FullObjective,
+    ImageObjective,
+    JointObjective,
+    MetricObjective,
+    Objective,
+    SuccessObjective,
+)
+from bayesgrasp.training.train_estimator import TrainConfig
+
+PresetName = Literal["paper", "best"]
+Role = Literal["metric", "image", "joint", "success", "full"]
+
+DEFAULT_ROLES: dict[str, tuple[Role, ...]] = {"paper": ("metric", "image"), "best": ("metric", "success")}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the estimators must fit: the prior's support, the image, the set of meshes.
+
+    Attributes:
+        low, high: Support of the prior's positions, metres.
+        view: The canonical camera at the network's image size.
+        objects: Number of meshes.
+        window: Where the view shows the workspace; see `LocalConfig`.
+    """
+
+    low: tuple[float, float, float] = (-0.15, -0.15, 0.12)
+    high: tuple[float, float, float] = (0.15, 0.15, 0.34)
+    view: ViewConfig = field(default_factory=canonical_view)
+    objects: int = 24
+    window: Window | None = WORKSPACE_WINDOW
+
+    def hand(self, embedding: int) -> HandConfig:
+        """The hand as a vector, with an embedding of the type of this length."""
+        return HandConfig(self.low, self.high, embedding)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One estimator of a preset.
+
+    Attributes:
+        role: What it is for (`model.ROLES`).
+        kind: Its architecture (`kinds.KINDS`).
+        config: Of the architecture.
+        objective: Its loss.
+        train: Its schedule.
+    """
+
+    role: Role
+    kind: str
+    config: object
+    objective: Objective
+    train: TrainConfig
+
+
+def preset(
+    name: PresetName,
+    setup: Setup,
+    roles: Sequence[Role] | None = None,
+    criterion: LossConfig | None = None,
+    train: TrainConfig | None = None,
+) -> tuple[Part, ...]:
+    """The parts of a preset.
+
+    Args:
+        name: ``paper`` or ``best``.
+        setup: What the estimators must fit.
+        roles: Which estimators; those of `DEFAULT_ROLES` if None.
+        criterion: Of the likelihood-to-evidence ratios; NRE-A, the paper's, if None.
+        train: Schedule of the estimators with images; the others take the same with twice the learning rate.
+
+    Raises:
+        InvalidConfigurationError: No such preset.
+    """
+    if name not in DEFAULT_ROLES:
+        raise InvalidConfigurationError(f"there is no preset {name!r}; choose from {', '.join(DEFAULT_ROLES)}")
+    criterion, train = criterion or LossConfig(), train or TrainConfig()
+    # Without convolutions bfloat16 saves nothing, and rounds the place of a hand to a millimetre.
+    fast = replace(train, learning_rate=2 * train.learning_rate, bf16=False)
+    metric = replace(fast, mirror=0.5, weight_decay=0.1)
+    image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)), activation="relu")
+    if name == "paper":
+        success = Part("success", "global", image, SuccessObjective(), train)
+    else:
+        local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window)
+        success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
+    full = FullConfig(setup.hand(4), setup.objects, octaves=2, modulated=True)
+    parts = {
+        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), metric),
+        "image": Part("image", "image", image, ImageObjective(criterion), train),
+        "joint": Part("joint", "joint", image, JointObjective(criterion), train),
+        "success": success,
+        "full": Part("full", "full", full, FullObjective(), fast),
+    }
+    return tuple(parts[role] for role in (DEFAULT_ROLES[name] if roles is None else roles))

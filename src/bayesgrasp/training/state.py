@@ -1,0 +1,98 @@
+"""The state of a training run in one file, so that a killed run goes on exactly where it was saved.
+
+Everything is in one safetensors file: weights, averaged weights, best weights and the moments of the optimiser as
+tensors, the counters as JSON in the header. It is written beside its place and renamed, so that there is always one
+whole file. No random state is needed: draws are addressed by step (`train.py`).
+"""
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from bayesgrasp.errors import CheckpointError
+from bayesgrasp.ratio.tensor_file import load_weights, read_tensors, write_tensors
+
+MODULES = ("estimator", "averaged", "best")
+
+
+@dataclass
+class TrainingState:
+    """Counters of a run.
+
+    Attributes:
+        fingerprint: Of configuration, objective and size of the data; a state is only resumed by the same run.
+        epoch: The epoch in progress.
+        step: Steps done in it.
+        loss_sum: Sum of the losses of these steps.
+        best_epoch: Whose validation loss is the smallest so far; -1 before the first.
+        train, validation: Mean losses of the finished epochs.
+    """
+
+    fingerprint: str
+    epoch: int = 0
+    step: int = 0
+    loss_sum: float = 0.0
+    best_epoch: int = -1
+    train: list[float] = field(default_factory=list)
+    validation: list[float] = field(default_factory=list)
+
+
+def save_state(
+    path: Path,
+    state: TrainingState,
+    estimator: nn.Module,
+    averaged: nn.Module,
+    best: nn.Module,
+    optimizer: torch.optim.Optimizer,
+) -> None:
+    """Write the state atomically."""
+    tensors: dict[str, Tensor] = {}
+    for prefix, module in zip(MODULES, (estimator, averaged, best), strict=True):
+        tensors |= {f"{prefix}.{name}": value for name, value in module.state_dict().items()}
+    for index, moments in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{index}.{name}": value for name, value in moments.items()}
+    write_tensors(path, tensors, {"state": json.dumps(asdict(state))})
+
+
+def load_state(
+    path: Path,
+    fingerprint: str,
+    estimator: nn.Module,
+    averaged: nn.Module,
+    best: nn.Module,
+    optimizer: torch.optim.Optimizer,
+) -> TrainingState:
+    """Read a state into the modules and the optimiser.
+
+    Raises:
+        CheckpointError: The file is damaged, or belongs to a run with another configuration or another data set.
+    """
+    tensors, metadata = read_tensors(path)
+    try:
+        state = TrainingState(**json.loads(metadata["state"]))
+    except (KeyError, ValueError, TypeError) as error:
+        raise CheckpointError(f"{path} is not a saved training state: {error}") from error
+    if state.fingerprint != fingerprint:
+        raise CheckpointError(
+            f"{path} belongs to another run: it was saved with {state.fingerprint}, this run has {fingerprint}; "
+            "use the same options, or another output directory"
+        )
+    for prefix, module in zip(MODULES, (estimator, averaged, best), strict=True):
+        load_weights(module, _below(tensors, prefix), path)
+    _load_moments(optimizer, _below(tensors, "optimizer"))
+    return state
+
+
+def _below(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name[len(prefix) + 1 :]: value for name, value in tensors.items() if name.startswith(f"{prefix}.")}
+
+
+def _load_moments(optimizer: torch.optim.Optimizer, moments: dict[str, Tensor]) -> None:
+    saved: dict[int, dict[str, Tensor]] = {}
+    for name, value in moments.items():
+        index, moment = name.split(".")
+        saved.setdefault(int(index), {})[moment] = value
+    optimizer.load_state_dict({"state": saved, "param_groups": optimizer.state_dict()["param_groups"]})

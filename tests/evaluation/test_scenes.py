@@ -1,0 +1,43 @@
+"""Scenes depend on the seed and their number only."""
+
+import numpy as np
+import pytest
+import torch
+
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.evaluation.scenes import SceneMaker
+from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.types import Hands
+
+
+def test_a_scene_depends_on_seed_and_number_only(scenes: SceneMaker, objects: tuple[ObjectAsset, ...]) -> None:
+    first, again = scenes(4), SceneMaker(objects, seed=3)(4)
+    np.testing.assert_array_equal(first.depth, again.depth)
+    assert first.pose == again.pose
+    assert first.nuisances.lateral_friction == again.nuisances.lateral_friction
+    assert not np.array_equal(SceneMaker(objects, seed=4)(4).depth, first.depth)
+    assert scenes(6).pose != first.pose
+
+
+def test_objects_take_turns(scenes: SceneMaker) -> None:
+    assert [scenes(number).asset.id for number in range(3)] == [
+        "household_carton",
+        "household_tea_box",
+        "household_carton",
+    ]
+
+
+def test_attempts_share_the_scene(scenes: SceneMaker) -> None:
+    situation = scenes(1)
+    hands = Hands(torch.zeros(2, 3), torch.eye(3).expand(2, 3, 3), torch.tensor([0, 2]))
+    attempts = situation.attempts(hands)
+    assert len(attempts) == 2
+    assert attempts.object_index.tolist() == [1, 1]
+    np.testing.assert_array_equal(attempts.object_pose, np.repeat(situation.scene.object_pose, 2, axis=0))
+    np.testing.assert_array_equal(attempts.quaternion[1], [1, 0, 0, 0])
+    assert attempts.grasp_type.tolist() == [0, 2]
+
+
+def test_scenes_need_an_object() -> None:
+    with pytest.raises(InvalidConfigurationError, match="at least one object"):
+        SceneMaker((), 0)

@@ -1,0 +1,113 @@
+"""Screening's certainties, each against a slower way of knowing."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from bayesgrasp.lift.screening import (
+    CLEARANCE,
+    MARGIN,
+    Halfspaces,
+    HandAlone,
+    HandKinematics,
+    below_table,
+    out_of_reach,
+    shape_points,
+)
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.robot.motion import hand_pose
+from bayesgrasp.robot.physics_scene import planar_pose
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
+from bayesgrasp.seeding import generator
+from bayesgrasp.types import GraspType
+
+DOWN = np.array([1.0, 0.0, 1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def kinematics() -> HandKinematics:
+    return HandKinematics(robotiq_3f())
+
+
+def test_shape_points_cover_their_shape() -> None:
+    for link in robotiq_3f().links:
+        for shape in link.shapes:
+            points, radius = shape_points(shape)
+            extent = np.ptp(points, axis=0).max() + 2 * radius
+            full = 2 * max(shape.size) if shape.kind == "box" else 2 * (shape.size[0] + shape.size[1])
+            assert extent <= full + 1e-9 or shape.kind == "box"
+            np.testing.assert_allclose(points.mean(axis=0), shape.position, atol=1e-12)
+
+
+def test_below_table_is_the_lowest_point(kinematics: HandKinematics) -> None:
+    points, radii = kinematics.open_points(GraspType.BASIC)
+    down = hand_pose(np.zeros(3), DOWN)[None, :3, :3]
+    deepest = float((points[:, 0] + radii).max())  # along the approach axis, which points down
+    for gap, expected in ((-1e-6, True), (1e-6, False)):
+        position = np.array([[0.0, 0.0, deepest + gap]])
+        assert below_table(position, down, points, radii)[0] == expected
+
+
+@pytest.mark.parametrize("grasp_type", list(GraspType))
+def test_the_reach_contains_the_hand_at_every_moment(kinematics: HandKinematics, grasp_type: GraspType) -> None:
+    regions = kinematics.reach(grasp_type, 0.1)
+    for angles in kinematics.free_closing(grasp_type, 0.01):
+        for shapes in kinematics.link_points(angles).values():
+            for points, radius in shapes:
+                for drawback in (0.0, 0.05, 0.1):
+                    moved = points - [drawback, 0.0, 0.0]
+                    covered = [(r.normals @ moved.T).max(axis=1) + radius <= r.offsets + 1e-9 for r in regions]
+                    assert any(inside.all() for inside in covered)
+
+
+def test_out_of_reach_needs_a_separating_face() -> None:
+    cube = Halfspaces(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.1))
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.05
+    far, near, inside = corners + np.array([0.2, 0, 0]), corners + np.array([0.149, 0, 0]), corners
+    np.testing.assert_array_equal(out_of_reach(np.stack([far, near, inside]), [cube]), [True, False, False])
+
+
+def test_samples_of_the_closing_motion_are_close_enough(kinematics: HandKinematics) -> None:
+    for grasp_type in GraspType:
+        clouds = [kinematics._cloud(angles) for angles in kinematics.free_closing(grasp_type, 0.01)]
+        moves = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(clouds)]
+        assert max(moves) <= 2 * (CLEARANCE - MARGIN)
+
+
+def test_clearance_of_a_hand_above_a_ball(kinematics: HandKinematics) -> None:
+    (ball,) = load_objects(["household_ball"])
+    closing = {g: kinematics.free_closing(g, 0.01) for g in GraspType}
+    hand = HandAlone(robotiq_3f(), ball, closing)
+    hand.object.set(1.0, 1.0, 0.8, 0.004)
+    hand.place(GraspType.BASIC, planar_pose(0.0, 0.0, 0.0))
+    low = hand_pose(np.array([0.0, 0.0, 0.12]), DOWN)
+    assert hand.approach_clearance(low, 0.1) < 0.0, "fingers of 17 cm reach below the table there"
+    free = hand_pose(np.array([0.3, 0.3, 0.30]), DOWN)
+    assert hand.approach_clearance(free, 0.1) == np.inf
+    assert hand.closing_clearance(free, GraspType.BASIC) == np.inf
+    around = hand_pose(np.array([0.0, 0.0, 0.19]), DOWN)
+    assert hand.approach_clearance(around, 0.1) >= 0.0
+    assert hand.closing_clearance(around, GraspType.BASIC) < CLEARANCE
+
+
+def test_free_closing_is_the_same_every_time(kinematics: HandKinematics) -> None:
+    first, second = (kinematics.free_closing(GraspType.PINCH, 0.01) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_an_overlap_with_the_object_is_seen(kinematics: HandKinematics) -> None:
+    (ball,) = load_objects(["household_ball"])
+    closing = {g: kinematics.free_closing(g, 0.01) for g in GraspType}
+    hand = HandAlone(robotiq_3f(), ball, closing)
+    rng = generator(3, 0)
+    points, radii = kinematics.open_points(GraspType.BASIC)
+    hand.object.set(1.0, 1.0, 0.8, 0.004)
+    hand.place(GraspType.BASIC, planar_pose(0.0, 0.0, 0.0))
+    vertices = ball.vertices
+    for x, y in rng.uniform(-0.15, 0.15, (60, 2)):
+        pose = hand_pose(np.array([x, y, 0.2]), DOWN)
+        world = points @ pose[:3, :3].T + pose[:3, 3]
+        gaps = np.linalg.norm(world[:, None] - vertices[None], axis=-1).min(axis=1) - radii
+        if gaps.min() < -2e-3:  # a vertex of the ball deep inside one of the hand's balls
+            assert hand.approach_clearance(pose, 0.1) < 0.0

@@ -1,0 +1,266 @@
+"""From a depth image to ranked grasps, with a rule of thumb in place of a trained ratio."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from bayesgrasp.errors import BayesgraspError, DepthImageError, InvalidConfigurationError
+from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.observation.familiarity import STATISTICS, Familiarity
+from bayesgrasp.observation.user_camera import aligned_workspace, to_camera
+from bayesgrasp.planning.figure import save_plan_figure
+from bayesgrasp.planning.planner import PlannerConfig, Posterior
+from bayesgrasp.planning.selection import Candidates, Robot, SelectionConfig
+from bayesgrasp.posterior.sampling import SamplerConfig
+from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.seeding import generator
+from bayesgrasp.types import GraspType
+
+CAMERA = canonical_camera()
+
+
+@pytest.fixture(scope="module")
+def depth(render, a_box) -> np.ndarray:
+    return render(CAMERA, (a_box(x=0.02, y=-0.03, yaw=0.4),))
+
+
+@pytest.fixture(scope="module")
+def plan(thumb_planner, depth):
+    planner = replace(thumb_planner, config=PlannerConfig(sampler=SamplerConfig(num_draws=2000, chains=100)))
+    return planner.plan(depth, CAMERA, top=4, samples=300)
+
+
+def test_grasps_are_ranked_distinct_and_on_the_object(plan) -> None:
+    assert plan.reason is None
+    assert 1 <= len(plan.grasps) <= 4
+    scores = [grasp.success_probability for grasp in plan.grasps]
+    assert (np.diff(scores) <= SelectionConfig().tie).all()
+    for grasp in plan.grasps:
+        tip = grasp.hand_to_world @ [0.13, 0.0, 0.0, 1.0]
+        np.testing.assert_allclose(tip[:2], (0.02, -0.03), atol=0.04)
+        assert grasp.on_object > 0.5
+        assert grasp.clearance > -0.02
+        assert 0 <= grasp.success_probability <= 1
+
+
+def candidates(posterior: list[float], probability: list[float]) -> Candidates:
+    hands = GraspPrior().sample(len(posterior), generator(0))
+    return Candidates(hands, torch.tensor(posterior), torch.tensor(probability))
+
+
+def test_the_likelier_success_goes_first_and_the_posterior_breaks_ties() -> None:
+    some = candidates([1.0, 5.0, 3.0, 9.0, 8.0], [0.9, 0.5, 0.89, 0.49, 0.2])
+    assert some.ranked(SelectionConfig(tie=0.02)) == [2, 0, 3, 1, 4]
+    assert some.ranked(SelectionConfig(tie=0.0)) == [0, 2, 1, 3, 4]
+    assert some.ranked(SelectionConfig(rank="posterior")) == [3, 4, 1, 2, 0]
+
+
+def test_ties_are_counted_from_the_best_not_from_neighbour_to_neighbour() -> None:
+    chain = candidates([1.0, 2.0, 3.0, 4.0], [0.9, 0.85, 0.8, 0.75])
+    assert chain.ranked(SelectionConfig(tie=0.06)) == [1, 0, 3, 2]
+
+
+def test_likelihood_and_posterior_are_both_searched(thumb_planner, depth) -> None:
+    """A ratio that likes tilted hands, where the prior is thin."""
+
+    def given_image(image: torch.Tensor):
+        upright = thumb_planner.posterior.given_image(image)
+        return lambda hands: upright(hands) - 4 * (hands.rotation[..., 2, 0] + 0.6).square()
+
+    planner = replace(thumb_planner, posterior=Posterior(given_image, lambda value: value.sigmoid()))
+    configs = [PlannerConfig(selection=SelectionConfig(rank=rank, tie=0.0)) for rank in ("success", "posterior")]
+    by_success, by_posterior = (replace(planner, config=c).plan(depth, CAMERA, top=1).grasps[0] for c in configs)
+    assert by_success.success_probability > by_posterior.success_probability
+    assert by_posterior.log_posterior > by_success.log_posterior
+    assert by_success.hand_to_world[2, 0] > by_posterior.hand_to_world[2, 0]
+
+
+def test_hand_in_the_camera_frame_is_the_same_hand(plan) -> None:
+    for grasp in plan.grasps:
+        np.testing.assert_allclose(CAMERA.pose @ grasp.hand_to_camera, grasp.hand_to_world, atol=1e-9)
+
+
+def test_plain_data_is_json_with_the_promised_keys(plan) -> None:
+    content = json.loads(json.dumps(plan.to_dict()))
+    assert {"grasps", "reason", "timings_ms", "misspecification"} <= content.keys()
+    assert {"view", "scene", "encode", "search", "reach", "samples", "total"} == content["timings_ms"].keys()
+    for grasp in content["grasps"]:
+        rotation = np.array(grasp["rotation"])
+        turned = Rotation.from_quat(grasp["quaternion"], scalar_first=True).as_matrix()
+        np.testing.assert_allclose(turned, rotation, atol=1e-6)
+        assert len(grasp["position"]) == 3
+        assert grasp["grasp_type"] in {"basic", "wide", "pinch"}
+        assert [phase["phase"] for phase in grasp["joint_path"]] == ["pre_grasp", "approach", "close", "lift"]
+    assert content["posterior"]["samples"] == 300
+
+
+def test_same_seed_same_plan(thumb_planner, depth) -> None:
+    first, second, other = (thumb_planner.plan(depth, CAMERA, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.grasps[0].hand_to_world, second.grasps[0].hand_to_world)
+    assert not np.array_equal(first.grasps[0].hand_to_world, other.grasps[0].hand_to_world)
+
+
+@pytest.mark.parametrize(
+    ("box", "words"),
+    [(None, "nothing on the table"), ({"y": 0.25}, "outside the workspace")],
+)
+def test_no_grasps_come_with_the_reason(thumb_planner, render, a_box, box, words) -> None:
+    boxes = () if box is None else (a_box(**box),)
+    plan = thumb_planner.plan(render(CAMERA, boxes), CAMERA)
+    assert plan.grasps == ()
+    assert words in plan.reason
+    assert plan.to_dict()["grasps"] == []
+    assert "search" not in plan.timings_ms
+
+
+def test_an_arm_that_reaches_nothing_is_a_reason(thumb_planner, depth) -> None:
+    planner = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, lambda pose, kind: None))
+    reason = planner.plan(depth, CAMERA).reason
+    assert reason.startswith("unreachable")
+    assert "the arm does not reach it" in reason
+
+
+def test_unreachable_grasps_give_way_to_reachable_ones(thumb_planner, depth) -> None:
+    def only_pinch(pose: np.ndarray, kind: GraspType):
+        return thumb_planner.robot.reach(pose, kind) if kind == GraspType.PINCH else None
+
+    plan = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, only_pinch)).plan(depth, CAMERA)
+    assert plan.grasps
+    assert {grasp.grasp_type for grasp in plan.grasps} == {GraspType.PINCH}
+
+
+def test_hands_that_cut_into_the_surface_are_left_out(thumb_planner, render, a_box) -> None:
+    """A post stands where the palm would be: nothing about the ratio knows of it."""
+    wall = render(CAMERA, (a_box(size=(0.05, 0.12, 0.12)), a_box(x=-0.055, size=(0.03, 0.3, 0.4))))
+    free = replace(thumb_planner, config=PlannerConfig(selection=SelectionConfig(penetration=10.0)))
+    careful = thumb_planner.plan(wall, CAMERA)
+    assert free.plan(wall, CAMERA).grasps
+    assert all(grasp.clearance > -0.03 for grasp in careful.grasps)
+    if not careful.grasps:
+        assert "cut into" in careful.reason
+
+
+def test_unlike_images_are_flagged(thumb_planner, depth) -> None:
+    k = len(STATISTICS)
+    strange = Familiarity(np.full(k, 5.0), np.eye(k), 0.1)
+    plan = replace(thumb_planner, familiarity=strange).plan(depth, CAMERA)
+    assert not plan.familiar
+    assert plan.unfamiliarity > 1
+    assert any("unlike the training images" in warning for warning in plan.warnings)
+    assert plan.to_dict()["misspecification"]["unfamiliar"]
+
+
+def test_without_a_pose_the_grasp_is_given_in_the_camera_frame(thumb_planner, render, a_box) -> None:
+    pose = look_at(np.array([0.45, 0.02, 0.70]), np.array([0.05, 0.02, 0.05]))
+    camera = replace(CAMERA, camera_to_world=pose)
+    depth = render(camera, (a_box(x=0.05, y=0.02),))
+    plan = thumb_planner.plan(depth, camera.with_pose(None))
+    assert any("camera_to_world was not given" in warning for warning in plan.warnings)
+    tip = pose @ plan.grasps[0].hand_to_camera @ [0.13, 0.0, 0.0, 1.0]
+    np.testing.assert_allclose(tip[:2], (0.05, 0.02), atol=0.05)
+
+
+def test_a_camera_on_another_side_turns_the_workspace() -> None:
+    behind = look_at(np.array([-0.5, 0.0, 0.6]), np.zeros(3))
+    turned = aligned_workspace(behind, 0.35)
+    seen = np.linalg.inv(turned) @ behind
+    assert seen[0, 3] == pytest.approx(0.5, abs=1e-6)
+    np.testing.assert_array_equal(aligned_workspace(CAMERA.pose, 0.35), np.eye(4))
+
+
+def test_figure_is_drawn_with_and_without_grasps(thumb_planner, plan, depth, render, tmp_path) -> None:
+    save_plan_figure(tmp_path / "plan.png", plan, depth, CAMERA, thumb_planner.robot.hand)
+    empty = render(CAMERA)
+    nothing = thumb_planner.plan(empty, CAMERA)
+    save_plan_figure(tmp_path / "nothing.png", nothing, empty, CAMERA, thumb_planner.robot.hand)
+    assert (tmp_path / "plan.png").stat().st_size > 20_000
+    assert (tmp_path / "nothing.png").exists()
+
+
+def wrong(depth: np.ndarray, kind: str) -> np.ndarray:
+    bad = depth.copy()
+    if kind == "nan":
+        bad[3, 4] = np.nan
+    if kind == "negative":
+        bad[3, 4] = -1.0
+    return {
+        "shape": depth[None],
+        "size": depth[:-1],
+        "millimetres": (1000 * depth).astype(np.uint16),
+        "float millimetres": 1000 * depth,
+        "centimetres as millimetres": 0.1 * depth,
+        "quarters of millimetres": 4 * depth,
+        "zero": np.zeros_like(depth),
+    }.get(kind, bad)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("shape", "shape"),
+        ("size", "479 pixels"),
+        ("nan", "NaN"),
+        ("negative", "negative"),
+        ("millimetres", "uint16"),
+        ("float millimetres", "look like millimetres"),
+        ("centimetres as millimetres", "closer than a depth camera"),
+        ("quarters of millimetres", "do not fit the camera's pose: they are typically 4 times"),
+        ("zero", "all zero"),
+    ],
+)
+def test_bad_images_get_one_clear_error(thumb_planner, depth, kind, words) -> None:
+    with pytest.raises(DepthImageError, match=words):
+        thumb_planner.plan(wrong(depth, kind), CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "words"),
+    [
+        ({"width": 640, "height": 480, "fx": 580.0, "fy": 580.0, "cx": 319.5}, "cy"),
+        ({"width": 640, "height": 480, "fx": 0.0, "fy": 580.0, "cx": 319.5, "cy": 239.5}, "singular"),
+        (np.eye(2), "3 x 3"),
+        (np.zeros((3, 3)), "singular"),
+        (np.array([[580.0, 0.0, 1e6], [0.0, 580.0, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
+        (np.array([[580.0, 0.0, 319.5], [0.0, 0.5, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fy"),
+        (np.array([[1e8, 0.0, 319.5], [0.0, 1e8, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
+    ],
+)
+def test_bad_intrinsics_get_one_clear_error(thumb_planner, depth, intrinsics, words) -> None:
+    with pytest.raises(BayesgraspError, match=words):
+        thumb_planner.plan(depth, intrinsics, CAMERA.pose)
+
+
+def test_a_camera_below_the_table_is_refused(thumb_planner, depth) -> None:
+    below = CAMERA.pose.copy()
+    below[2, 3] = -0.5
+    with pytest.raises(DepthImageError, match="above the table"):
+        thumb_planner.plan(depth, CAMERA, below)
+
+
+def test_intrinsics_in_every_form_are_the_same_camera(depth) -> None:
+    numbers = {name: getattr(CAMERA, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    cameras = [to_camera(form, depth.shape, CAMERA.pose) for form in (CAMERA, numbers, CAMERA.matrix)]
+    assert all(isinstance(camera, Camera) and camera.to_dict() == CAMERA.to_dict() for camera in cameras)
+
+
+def test_wrong_requests_are_refused(thumb_planner, depth) -> None:
+    with pytest.raises(InvalidConfigurationError, match="top"):
+        thumb_planner.plan(depth, CAMERA, top=0)
+    with pytest.raises(InvalidConfigurationError, match="seed"):
+        thumb_planner.plan(depth, CAMERA, seed=-1)
+    with pytest.raises(InvalidConfigurationError):
+        PlannerConfig(num_draws=0)
+    with pytest.raises(InvalidConfigurationError):
+        SelectionConfig(cutting_points=0)
+    with pytest.raises(InvalidConfigurationError, match="tie"):
+        SelectionConfig(tie=-0.1)
+
+
+def test_the_ratio_is_evaluated_in_the_workspace_frame(thumb_planner, plan) -> None:
+    assert plan.image.shape == (160, 256)
+    assert torch.is_tensor(plan.samples.hands.position)
+    assert thumb_planner.prior.in_support(plan.samples.hands).all()
