@@ -104,7 +104,7 @@ def practice(folder: Path) -> Record:
 
 def weights(folder: Path) -> Record:
     """Models: an epoch of every estimator of both presets."""
-    found = {}
+    found: Record = {}
     for preset, estimators in (("best", ("metric", "success", "full")), ("paper", ("metric", "image", "joint"))):
         _bayesgrasp("train", "--data", folder / "data", "--preset", preset, "--estimators", *estimators, "--epochs", 1,
                     "--batch-size", 8, "--threads", 1, "--out", folder / preset)  # fmt: skip

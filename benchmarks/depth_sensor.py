@@ -14,8 +14,10 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -25,6 +27,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from bayesgrasp.depth import devices, light_kernels, ray_kernels, return_kernels
 from bayesgrasp.depth import sensor as depth_module
 from bayesgrasp.depth.mesh_tree import MeshTree
 from bayesgrasp.depth.sensor import DepthSensor
@@ -38,17 +41,17 @@ from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import CameraNuisances, Scenes
 
-STAGES = {
+STAGES: dict[str, list[tuple[Any, str]]] = {
     "object rays": [(MeshTree, "first_hit")],
     "shadow rays": [(MeshTree, "occluded")],
     "geometry of rays and hits": [
-        (depth_module.rays, name)
+        (ray_kernels, name)
         for name in ("project_hull", "outline", "row_spans", "bounding_box", "primary_rays", "resolve")
     ],
-    "matching windows": [(depth_module.light, "match")],
-    "noise of the table": [(depth_module.returns, "sense_table")],
-    "noise near the object": [(depth_module.returns, "sense_matches")],
-    "random numbers": [(depth_module, "_lattice")],
+    "matching windows": [(light_kernels, "match")],
+    "noise of the table": [(return_kernels, "sense_table")],
+    "noise near the object": [(return_kernels, "sense_matches")],
+    "random numbers": [(devices, "lattice")],
     "cameras": [(depth_module, "object_views")],
 }
 
@@ -120,7 +123,8 @@ class MujocoScene:
         mujoco.mj_multiRay(
             self.model, self.data, eye, self.directions, None, True, -1, geom, distance, None, count, 1e3
         )
-        return np.where(distance > 0, distance, 0).reshape(self.lengths.shape) / self.lengths
+        depth: Float[np.ndarray, "h w"] = np.where(distance > 0, distance, 0).reshape(self.lengths.shape) / self.lengths
+        return depth
 
     def renderer(self) -> Callable[[], Float[np.ndarray, "h w"]]:
         """A function that renders depth by OpenGL, metres."""
@@ -129,7 +133,8 @@ class MujocoScene:
 
         def draw() -> Float[np.ndarray, "h w"]:
             renderer.update_scene(self.data, camera="eye")
-            return renderer.render()
+            depth: Float[np.ndarray, "h w"] = renderer.render()
+            return depth
 
         return draw
 
@@ -145,7 +150,7 @@ def against_mujoco(objects: tuple[ObjectAsset, ...], scenes: Scenes, cameras: Ca
         theirs = MujocoScene(objects[one.object_index[0]], one, disturbed_camera(sensor.camera, camera, 0))
         ours = sensor.render_clean(one, camera)[0]
         ways = {"mujoco rays": theirs.rays, "mujoco renderer": theirs.renderer()}
-        spent["render_clean"].append(seconds_per_image(lambda a=one, b=camera: sensor.render_clean(a, b), 1))
+        spent["render_clean"].append(seconds_per_image(partial(sensor.render_clean, one, camera), 1))
         for name, draw in ways.items():
             spent[name].append(seconds_per_image(draw, 1))
             error[name].append(abs(draw() - ours).ravel())

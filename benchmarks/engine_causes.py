@@ -21,7 +21,8 @@ import numpy as np
 import tyro
 from engines import ENGINES, Comparison, Options, tried
 
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts, Outcome

@@ -28,7 +28,8 @@ from bayesgrasp.diagnostics.intervals import paired_difference, wilson
 from bayesgrasp.errors import DataError
 from bayesgrasp.generation.pool import InProcess, LocalPool
 from bayesgrasp.generation.trials import CHUNK, Priors, draw_attempts
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import EngineName, LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.seeding import generator
@@ -36,7 +37,8 @@ from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import film_attempt
 from bayesgrasp.viewer.raycast import contact_sheet
 
-ENGINES = ("mujoco", "pybullet")
+ENGINES: tuple[EngineName, ...] = ("mujoco", "pybullet")
+ByEngine = dict[EngineName, np.ndarray]
 FRAMES = 7
 
 
@@ -118,7 +120,7 @@ def main(options: Options) -> None:
         draw(attempts, outcomes, comparison.objects, options)
 
 
-def tried(comparison: Comparison, options: Options) -> tuple[Attempts, dict[str, np.ndarray], dict[str, np.ndarray]]:
+def tried(comparison: Comparison, options: Options) -> tuple[Attempts, ByEngine, ByEngine]:
     """The attempts, and by engine their outcomes and whether they held."""
     chunks = list(judged(comparison, options))
     attempts = Attempts.cat([comparison.attempts(chunk.number) for chunk in chunks])[: options.attempts]
@@ -164,7 +166,7 @@ def opened(options: Options, comparison: Comparison) -> Iterator[tuple[dict[int,
         yield kept, keep
 
 
-def columns(chunks: list[Chunk], attempts: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def columns(chunks: list[Chunk], attempts: int) -> tuple[ByEngine, ByEngine]:
     """Outcomes and held of all attempts, by engine."""
     outcomes = {e: np.concatenate([c.outcomes[e] for c in chunks])[:attempts].astype(np.uint8) for e in ENGINES}
     held = {e: np.concatenate([c.held[e] for c in chunks])[:attempts].astype(bool) for e in ENGINES}
@@ -173,8 +175,8 @@ def columns(chunks: list[Chunk], attempts: int) -> tuple[dict[str, np.ndarray], 
 
 def summarize(
     attempts: Attempts,
-    outcomes: dict[str, np.ndarray],
-    held: dict[str, np.ndarray],
+    outcomes: ByEngine,
+    held: ByEngine,
     objects: tuple[ObjectAsset, ...],
 ) -> dict[str, Any]:
     """The content of the JSON file."""
@@ -203,7 +205,7 @@ def summarize(
     }
 
 
-def agreement(label: dict[str, np.ndarray]) -> dict[str, Any]:
+def agreement(label: ByEngine) -> dict[str, Any]:
     """Of one label in both engines."""
     first, second = (label[e] for e in ENGINES)
     difference, interval = paired_difference(first, second)
@@ -217,7 +219,7 @@ def agreement(label: dict[str, np.ndarray]) -> dict[str, Any]:
     return report | {"agree": float((first == second).mean())}
 
 
-def differences(success: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, int]:
+def differences(success: ByEngine, mask: np.ndarray) -> dict[str, int]:
     """Successes that only one engine saw."""
     first, second = (success[e][mask] for e in ENGINES)
     return {"only mujoco": int((first & ~second).sum()), "only pybullet": int((second & ~first).sum())}
@@ -249,9 +251,7 @@ def print_report(report: dict[str, Any]) -> None:
         print(f"{name:28}{rates}   only mujoco {row['only mujoco']}, only pybullet {row['only pybullet']}")
 
 
-def draw(
-    attempts: Attempts, outcomes: dict[str, np.ndarray], objects: tuple[ObjectAsset, ...], options: Options
-) -> None:
+def draw(attempts: Attempts, outcomes: ByEngine, objects: tuple[ObjectAsset, ...], options: Options) -> None:
     """Attempts on whose S the engines disagree, one of each object before a second of any."""
     first, second = (outcomes[e] == Outcome.SUCCESS for e in ENGINES)
     rows = np.flatnonzero(first != second)

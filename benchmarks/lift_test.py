@@ -20,7 +20,8 @@ import numpy as np
 
 from bayesgrasp.diagnostics.intervals import wilson
 from bayesgrasp.generation.trials import CHUNK, Priors, Trials, draw_attempts, simulate
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.seeding import generator

@@ -56,7 +56,7 @@ def by_pymanopt(potential: Potential, starts: Hands) -> Result:
 def problem(potential: Potential, hand: Hands) -> pymanopt.Problem:
     """The potential of one grasp type on R^3 x SO(3)."""
 
-    @pymanopt.function.pytorch(MANIFOLD)
+    @pymanopt.function.pytorch(MANIFOLD)  # type: ignore[untyped-decorator]
     def cost(position: torch.Tensor, rotation: torch.Tensor) -> torch.Tensor:
         hands = Hands(position, rotation, hand.grasp_type)
         value = -sum(term(hands) for term in potential.terms)

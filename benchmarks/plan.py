@@ -11,6 +11,7 @@ import json as json_module
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,9 +103,8 @@ def time_samples(planner: Planner, seed: int, count: int = 10_000) -> dict[str, 
     scenes = ScenePrior(len(objects)).sample(1, generator(seed, 2))
     image = torch.from_numpy(DepthSensor(objects).images(scenes, None, generator(seed, 3)))
     ratio = planner.posterior.given_image(image)
-    timings = [
-        cpu_and_wall(lambda k=k: sample_posterior(ratio, planner.prior, count, generator(seed, 4, k))) for k in range(3)
-    ]
+    draw = partial(sample_posterior, ratio, planner.prior, count)
+    timings = [cpu_and_wall(partial(draw, generator(seed, 4, k))) for k in range(3)]
     cpu, wall = np.median(timings, axis=0)
     return {"samples": count, "cpu": float(cpu), "wall": float(wall)}
 

@@ -15,7 +15,8 @@ import pytest
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.lift.bullet.engine import BulletConfig, BulletEngine
 from bayesgrasp.lift.bullet.item import MARGIN, eroded
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts, GraspType, Outcome
@@ -181,7 +182,8 @@ def test_nothing_is_printed_and_no_connection_is_left() -> None:
     script = (
         "import gc\n"
         "from bayesgrasp.objects.catalogue import load_objects\n"
-        "from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig\n"
+        "from bayesgrasp.lift.lift_config import LiftTestConfig\n"
+        "from bayesgrasp.lift.lift_test import LiftTest\n"
         "test = LiftTest(load_objects(['household_tea_box']), LiftTestConfig(engine='pybullet'))\n"
         "test._bench(0)\n"
         "import pybullet\n"

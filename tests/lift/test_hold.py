@@ -8,7 +8,8 @@ import pytest
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.lift.hold import DIRECTIONS, HoldConfig
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts, GraspType, Outcome

@@ -31,7 +31,8 @@ def lift_test(attempts: Attempts) -> np.ndarray:
 
 
 def reachable(attempts: Attempts) -> np.ndarray:
-    return attempts.position[:, 0] < REACH - 0.1 * np.abs(attempts.quaternion[:, 1])
+    within: np.ndarray = attempts.position[:, 0] < REACH - 0.1 * np.abs(attempts.quaternion[:, 1])
+    return within
 
 
 def render(scenes: Scenes, camera: CameraNuisances, rng: np.random.Generator) -> np.ndarray:

@@ -19,26 +19,26 @@ class Shape:
     faces: np.ndarray
 
     @property
-    def wound_inwards(self):
+    def wound_inwards(self) -> "Shape":
         return Shape(self.vertices, self.faces[:, ::-1].copy())
 
 
-def plate(width, depth, bottom, top):
+def plate(width: float, depth: float, bottom: float, top: float) -> Shape:
     """A box of width x depth metres around the z axis, between two heights."""
     mesh = trimesh.creation.box((width, depth, top - bottom))
     mesh.apply_translation((0.0, 0.0, (bottom + top) / 2))
     return Shape(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32))
 
 
-def scan(path: Path):
+def scan(path: Path) -> Shape:
     """A mesh file exactly as it is, put on the table."""
-    mesh = trimesh.load(path, process=False)
+    mesh = trimesh.load_mesh(path, process=False)
     vertices = np.array(mesh.vertices)
     middle = (vertices.max(0) + vertices.min(0)) / 2
     return Shape(vertices - [*middle[:2], vertices[:, 2].min()], np.array(mesh.faces, dtype=np.int32))
 
 
-def scenes(n, pose=(0.0, 0.0, 0.0), scale=1.0, index=0):
+def scenes(n: int, pose: tuple[float, float, float] = (0.0, 0.0, 0.0), scale: float = 1.0, index: int = 0) -> Scenes:
     return Scenes(
         object_index=np.full(n, index, np.int32),
         scale=np.full(n, scale, np.float32),
@@ -46,7 +46,7 @@ def scenes(n, pose=(0.0, 0.0, 0.0), scale=1.0, index=0):
     )
 
 
-def random_scenes(n, objects, rng):
+def random_scenes(n: int, objects: int, rng: np.random.Generator) -> Scenes:
     return Scenes(
         object_index=rng.integers(objects, size=n, dtype=np.int32),
         scale=rng.uniform(0.9, 1.1, n).astype(np.float32),
@@ -54,7 +54,7 @@ def random_scenes(n, objects, rng):
     )
 
 
-def random_cameras(n, rng):
+def random_cameras(n: int, rng: np.random.Generator) -> CameraNuisances:
     return CameraNuisances(
         position_offset=rng.normal(0, 0.01, (n, 3)).astype(np.float32),
         rotation_vector=rng.normal(0, [0.002, 0.01, 0.002], (n, 3)).astype(np.float32),
@@ -64,20 +64,20 @@ def random_cameras(n, rng):
     )
 
 
-def from_above(height, width=640, rows=480):
+def from_above(height: float, width: int = 640, rows: int = 480) -> Camera:
     """A camera that looks straight down, or the middle part of its image."""
     pose = look_at(np.array([0.0, 0.0, height]), np.zeros(3), up=np.array([0.0, 1.0, 0.0]))
     return KINECT.cropped((640 - width) // 2, (480 - rows) // 2, width, rows).with_pose(pose)
 
 
-def at_wall(distance, tilt, size=96):
+def at_wall(distance: float, tilt: float, size: int = 96) -> Camera:
     """The middle of an image of the bare table seen from a distance along a line at a tilt to its normal."""
     eye = distance * np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     pose = look_at(eye, np.zeros(3), up=np.array([0.0, 1.0, 0.0]))
     return KINECT.cropped(320 - size // 2, 240 - size // 2, size, size).with_pose(pose)
 
 
-def cast_depth(shape, scene, camera, pixels):
+def cast_depth(shape: Shape, scene: Scenes, camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Depths (m) of pixels (n, 2) of a one-row `Scenes`: Moeller-Trumbore in the world frame, double precision."""
     x, y, yaw = scene.object_pose[0].astype(float)
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])

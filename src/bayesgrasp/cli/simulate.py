@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from bayesgrasp.generation.trials import Trials
-    from bayesgrasp.lift.lift_test import LiftTestConfig
+    from bayesgrasp.lift.lift_config import LiftTestConfig
     from bayesgrasp.objects.object_asset import ObjectAsset
 
 
@@ -50,7 +50,7 @@ def simulate(
     from bayesgrasp.generation.trials import Priors
     from bayesgrasp.generation.trials import simulate as run
     from bayesgrasp.lift.bullet.client import require
-    from bayesgrasp.lift.lift_test import LiftTestConfig
+    from bayesgrasp.lift.lift_config import LiftTestConfig
     from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.prior.grasp import GraspPrior
 

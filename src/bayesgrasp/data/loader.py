@@ -101,16 +101,19 @@ def in_split(draw: Int64[np.ndarray, "n"], split: Split) -> np.ndarray:
         InvalidConfigurationError: There is no such split.
     """
     place = np.asarray(draw) % CYCLE
+    chosen: np.ndarray
     match split:
         case "validation":
-            return place == VALIDATION
+            chosen = place == VALIDATION
         case "test":
-            return place == TEST
+            chosen = place == TEST
         case "train":
-            return (place != VALIDATION) & (place != TEST)
+            chosen = (place != VALIDATION) & (place != TEST)
         case "all":
-            return np.ones(len(place), dtype=bool)
-    raise InvalidConfigurationError(f"the splits are train, validation, test and all; got {split!r}")
+            chosen = np.ones(len(place), dtype=bool)
+        case _:
+            raise InvalidConfigurationError(f"the splits are train, validation, test and all; got {split!r}")
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -168,4 +168,5 @@ def _to_numpy(name: str, column: pa.ChunkedArray, many: bool) -> np.ndarray:
     values = (array.flatten() if pa.types.is_list(array.type) else array).to_numpy(zero_copy_only=False)
     shape = ROW_SHAPES.get(name, ())
     per_row = len(values) // rows // int(np.prod(shape)) if rows else 0
-    return values.reshape(rows, per_row, *shape) if many else values.reshape(rows, *shape)
+    by_row: np.ndarray = values.reshape(rows, per_row, *shape) if many else values.reshape(rows, *shape)
+    return by_row

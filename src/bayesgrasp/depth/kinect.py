@@ -138,7 +138,8 @@ def axial_sigma(depth: Float[np.ndarray, "*batch"], tilt: Float[np.ndarray, "*ba
 def lateral_sigma(tilt: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
     """Published standard deviation of the place of an edge, pixels; `tilt` as in `axial_sigma`."""
     th = np.minimum(tilt, STEEPEST_TILT)
-    return 0.8 + 0.035 * th / (np.pi / 2 - th)
+    deviation: Float[np.ndarray, "*batch"] = 0.8 + 0.035 * th / (np.pi / 2 - th)
+    return deviation
 
 
 def depth_step(depth: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:

@@ -75,7 +75,8 @@ def _enclosing_polytope(points: Float64[np.ndarray, "v 3"]) -> Float64[np.ndarra
     normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
     middle = extreme.mean(axis=0)
     reach = ((points - middle) @ normals.T).max(axis=0) / (offsets - normals @ middle)
-    return middle + (extreme[hull.vertices] - middle) * max(1.0, reach.max())
+    corners: Float64[np.ndarray, "h 3"] = middle + (extreme[hull.vertices] - middle) * max(1.0, reach.max())
+    return corners
 
 
 def _directions(count: int) -> Float64[np.ndarray, "n 3"]:

@@ -170,13 +170,15 @@ class DepthSensor:
                 ray = view.ray_matrix @ (u, v, 1.0)
                 if -ray[2] < np.cos(self._device.steepest) * np.linalg.norm(ray):
                     return np.tile(np.array([0, width]), (height, 1))
-        return rays.widened(shaded, margin, width)
+        widened: Int64[np.ndarray, "h 2"] = rays.widened(shaded, margin, width)
+        return widened
 
     def _region(
         self, tree: MeshTree, view: rays.View, spans: Int64[np.ndarray, "h 2"], box: tuple[int, ...]
     ) -> rays.Region:
         origins, directions = rays.primary_rays(view, spans)
-        return rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
+        region: rays.Region = rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
+        return region
 
 
 def _widened(box: tuple[int, ...], margin: int, shape: tuple[int, int]) -> tuple[int, int, int, int]:

@@ -71,7 +71,8 @@ def hpd_mass(
         raise InvalidConfigurationError("coverage needs at least one truth, at least one draw each, and no NaN")
     weights = np.ones_like(draws) if weights is None else weights
     above = (draws > truth[:, None]) + 0.5 * (draws == truth[:, None])
-    return (above * weights).sum(-1) / weights.sum(-1)
+    shares: Float[np.ndarray, "n"] = (above * weights).sum(-1) / weights.sum(-1)
+    return shares
 
 
 def expected_coverage(mass: Float[np.ndarray, "n"], levels: tuple[float, ...] = LEVELS) -> Coverage:

@@ -104,7 +104,8 @@ def ensemble_spread(log_probability: Float[np.ndarray, "members n"]) -> Float[np
     """
     if len(log_probability) < 2:
         raise InvalidConfigurationError(f"the spread of an ensemble needs two members, got {len(log_probability)}")
-    return log_probability.std(0, ddof=1)
+    spread: Float[np.ndarray, "n"] = log_probability.std(0, ddof=1)
+    return spread
 
 
 def _finite(value: float) -> float | None:

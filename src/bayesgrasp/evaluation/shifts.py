@@ -18,7 +18,7 @@ from bayesgrasp.depth.devices import SensorConfig
 from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.stereo import StereoConfig
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.lift.lift_test import LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.prior.nuisance import NuisancePrior
 from bayesgrasp.prior.ranges import Interval
 from bayesgrasp.types import Nuisances, Scenes

@@ -29,7 +29,8 @@ from bayesgrasp.generation.pairing import DrawPairing, PairingConfig
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
 from bayesgrasp.generation.reachability import arm_reach
 from bayesgrasp.geometry import so3
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior

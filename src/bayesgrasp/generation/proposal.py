@@ -162,7 +162,8 @@ def _thinned(records: AttemptRecords, most: int, rng: np.random.Generator) -> At
 
 def _normalised(records: AttemptRecords) -> Float64[np.ndarray, "n"]:
     weight = np.exp(records.log_weight.astype(np.float64))
-    return weight / weight.sum()
+    shares: Float64[np.ndarray, "n"] = weight / weight.sum()
+    return shares
 
 
 def propose(

@@ -58,10 +58,10 @@ class RayPool:
         finally:
             ray.shutdown()
 
-    def _map(self, key: str, build: ray.ObjectRef, tasks: Iterable[Task]) -> Iterator[Any]:
+    def _map(self, key: str, build: ray.ObjectRef[Any], tasks: Iterable[Task]) -> Iterator[Any]:
         waiting = iter(tasks)
         limit = self.under_way or max(2, int(1.5 * ray.cluster_resources().get("CPU", 1)))
-        pending: list[ray.ObjectRef] = []
+        pending: list[ray.ObjectRef[Any]] = []
         while True:
             pending += [_run.remote(key, build, task) for task in islice(waiting, limit - len(pending))]
             if not pending:
@@ -70,7 +70,7 @@ class RayPool:
             yield self._result(ready[0])
 
     @staticmethod
-    def _result(reference: ray.ObjectRef) -> Any:
+    def _result(reference: ray.ObjectRef[Any]) -> Any:
         try:
             return ray.get(reference)
         except ray.exceptions.RayTaskError as error:

@@ -16,7 +16,8 @@ from jaxtyping import UInt8
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import NuisancePrior

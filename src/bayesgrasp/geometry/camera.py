@@ -157,7 +157,10 @@ class Camera:
         self, pixels: Float[np.ndarray, "*batch 2"], depth: Float[np.ndarray, "*batch"]
     ) -> Float[np.ndarray, "*batch 3"]:
         """Points in the world frame, metres, of pixels (u, v) at a depth in metres."""
-        return self.pixels_to_camera(pixels, depth) @ self.pose[:3, :3].T + self.pose[:3, 3]
+        world: Float[np.ndarray, "*batch 3"] = (
+            self.pixels_to_camera(pixels, depth) @ self.pose[:3, :3].T + self.pose[:3, 3]
+        )
+        return world
 
     def cropped(self, column: int, row: int, width: int, height: int) -> Camera:
         """The camera of the part of the image that starts at (column, row) and has the given size."""

@@ -56,7 +56,8 @@ class GraspSpace:
     def inner(self, first: Float[Tensor, "*#batch 6"], second: Float[Tensor, "*#batch 6"]) -> Float[Tensor, "*batch"]:
         """Inner product of tangent vectors at the same point, rad^2."""
         position, rotation = (first * second).split(3, dim=-1)
-        return position.sum(-1) / self.length_scale**2 + rotation.sum(-1)
+        products: Float[Tensor, "*batch"] = position.sum(-1) / self.length_scale**2 + rotation.sum(-1)
+        return products
 
     def norm(self, tangent: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch"]:
         """Length of a tangent vector, radians."""

@@ -24,7 +24,8 @@ def hat(vector: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     """The skew matrix of the cross product from the left with a vector."""
     x, y, z = vector.unbind(-1)
     o = torch.zeros_like(x)
-    return torch.stack([o, -z, y, z, o, -x, -y, x, o], dim=-1).unflatten(-1, (3, 3))
+    matrix: Float[Tensor, "*batch 3 3"] = torch.stack([o, -z, y, z, o, -x, -y, x, o], dim=-1).unflatten(-1, (3, 3))
+    return matrix
 
 
 def vee(matrix: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
@@ -87,7 +88,8 @@ def quaternion_to_matrix(quaternion: Float[Tensor, "*batch 4"]) -> Float[Tensor,
         *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
         *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     ]
-    return torch.stack(entries, dim=-1).unflatten(-1, (3, 3))
+    matrix: Float[Tensor, "*batch 3 3"] = torch.stack(entries, dim=-1).unflatten(-1, (3, 3))
+    return matrix
 
 
 def matrix_to_quaternion(rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 4"]:
@@ -121,7 +123,8 @@ def project_to_so3(matrix: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch
     Differentiable wherever the closest rotation is unique, also at rotations, where the derivative of the singular
     vectors themselves does not exist.
     """
-    return _Polar.apply(matrix)
+    rotation: Float[Tensor, "*batch 3 3"] = _Polar.apply(matrix)  # type: ignore[no-untyped-call]
+    return rotation
 
 
 def renormalize(rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 3"]:
@@ -143,7 +146,8 @@ class _Polar(torch.autograd.Function):
         sign[..., 2] = torch.linalg.det(left @ right).sign()
         left = left * sign[..., None, :]
         ctx.save_for_backward(left, singular * sign, right)
-        return left @ right
+        rotation: Tensor = left @ right
+        return rotation
 
     @staticmethod
     def backward(ctx: torch.autograd.function.FunctionCtx, *gradients: Tensor) -> Tensor:
@@ -151,7 +155,8 @@ class _Polar(torch.autograd.Function):
         inner = left.mT @ gradients[0] @ right.mT
         sums = singular[..., :, None] + singular[..., None, :]
         sums = torch.where(torch.eye(3, dtype=torch.bool, device=sums.device), 1.0, sums)
-        return left @ ((inner - inner.mT) / sums) @ right
+        gradient: Tensor = left @ ((inner - inner.mT) / sums) @ right
+        return gradient
 
 
 def _series(x: Tensor, *coefficients: float) -> Tensor:

@@ -165,7 +165,10 @@ class BarGrasp:
     def _type_evidence(self) -> Float64[np.ndarray, "3"]:
         """p(g) w_g times the integral over the height, for every type."""
         prior = self._log_type_probability.exp().numpy()
-        return prior * np.array(self.config.weight) * self._box_mean(2, np.array(self.config.height))
+        success: Float64[np.ndarray, "3"] = (
+            prior * np.array(self.config.weight) * self._box_mean(2, np.array(self.config.height))
+        )
+        return success
 
     @cached_property
     def _log_type_probability(self) -> Float64[Tensor, "3"]:
@@ -190,4 +193,5 @@ def _truncated_normal(
     """Gaussian draws within a box, by inverting the distribution function."""
     below, above = (ndtr((np.array(corner) - centre) / deviation) for corner in (low, high))
     draws = centre + deviation * ndtri(below + (above - below) * rng.random(centre.shape))
-    return np.clip(draws.astype(np.float32), np.array(low, np.float32), np.array(high, np.float32))
+    inside: np.ndarray = np.clip(draws.astype(np.float32), np.array(low, np.float32), np.array(high, np.float32))
+    return inside

@@ -49,4 +49,7 @@ def hull_in_hand(
     turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=-1).reshape(-1, 3, 3)
     world = attempts.scale.astype(np.float64)[:, None, None] * (hull @ turn.transpose(0, 2, 1))
     world += np.stack([x, y, zero], axis=-1)[:, None, :]
-    return (world - poses.hand_to_world[rows, None, :3, 3]) @ poses.rotation[rows]
+    in_hand: Float64[np.ndarray, "rows vertices 3"] = (world - poses.hand_to_world[rows, None, :3, 3]) @ poses.rotation[
+        rows
+    ]
+    return in_hand

@@ -176,7 +176,8 @@ def below_table(
 ) -> Bool[np.ndarray, "n"]:
     """Whether a hand covered by balls around ``points`` (hand frame, metres) reaches below z = 0 at each pose."""
     heights = position[:, 2:3] + rotation[:, 2, :] @ points.T - radii
-    return heights.min(axis=1) < 0.0
+    below: Bool[np.ndarray, "n"] = heights.min(axis=1) < 0.0
+    return below
 
 
 def out_of_reach(vertices: Float64[np.ndarray, "n vertices 3"], regions: list[Halfspaces]) -> Bool[np.ndarray, "n"]:

@@ -160,7 +160,8 @@ def _grow(points: Float64[np.ndarray, "n 3"], distance: float) -> Float64[np.nda
     if distance < 1e-6:
         return points
     outwards = points - points.mean(axis=0)
-    return points + distance * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+    moved: Float64[np.ndarray, "n 3"] = points + distance * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+    return moved
 
 
 def _polyhedron(points: Float64[np.ndarray, "n 3"]) -> ConvexPart:

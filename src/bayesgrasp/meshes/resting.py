@@ -46,7 +46,8 @@ class Resting:
     def place(self, points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
         """Points of the mesh file in the object frame, the underside flattened as the parts' is."""
         raised = np.maximum(points, np.array([-np.inf, -np.inf, self.floor]))
-        return raised @ self.mesh_to_object[:3, :3].T + self.mesh_to_object[:3, 3]
+        placed: Float64[np.ndarray, "n 3"] = raised @ self.mesh_to_object[:3, :3].T + self.mesh_to_object[:3, 3]
+        return placed
 
 
 def rest(parts: tuple[ConvexPart, ...]) -> Resting:
@@ -157,4 +158,5 @@ def rotation_between(start: Float64[np.ndarray, "3"], end: Float64[np.ndarray, "
         return 2 * np.outer(axis, axis) - np.eye(3)
     x, y, z = np.cross(start, end)
     hat = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + hat + hat @ hat / (1 + cosine)
+    rotation: Float64[np.ndarray, "3 3"] = np.eye(3) + hat + hat @ hat / (1 + cosine)
+    return rotation

@@ -138,7 +138,8 @@ def _table_depth(camera: Camera) -> Float64[np.ndarray, "h w"]:
     """The image of the bare table, metres; 0 above the horizon."""
     (_, _, height), flat = camera.pose[:3, 3], np.ones((camera.height, camera.width))
     down = height - _transformed(flat, camera, camera.pose)[2]
-    return np.divide(height, down, out=np.zeros_like(down), where=down > 1e-6)
+    scale: Float64[np.ndarray, "h w"] = np.divide(height, down, out=np.zeros_like(down), where=down > 1e-6)
+    return scale
 
 
 def _draw(

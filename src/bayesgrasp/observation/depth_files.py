@@ -114,7 +114,8 @@ def _numpy(path: Path) -> Shaped[np.ndarray, "..."]:
             raise DepthImageError(
                 f"holds the arrays {', '.join(names) or '(none)'}; one array, or one named `depth`, is valid"
             )
-        return content[name]
+        depth: Shaped[np.ndarray, "..."] = content[name]
+        return depth
 
 
 def _one_channel(stored: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, "h w"]:

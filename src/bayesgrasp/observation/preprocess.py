@@ -29,7 +29,8 @@ def sampled_columns() -> Int64[np.ndarray, "256"]:
 
 def _nearest(size: int, resized: int) -> Int64[np.ndarray, "r"]:
     # Integers are the centres of pixels.
-    return np.rint((np.arange(resized) + 0.5) * (size / resized) - 0.5).astype(np.int64)
+    centres: Int64[np.ndarray, "r"] = np.rint((np.arange(resized) + 0.5) * (size / resized) - 0.5).astype(np.int64)
+    return centres
 
 
 def preprocess(depth: Float[np.ndarray, "*batch h w"]) -> Float32[np.ndarray, "*batch 160 256"]:

@@ -77,17 +77,20 @@ class Surface:
     @property
     def item_points(self) -> Float32[np.ndarray, "n 3"]:
         """World points of the object, metres."""
-        return self.points[self.item]
+        points: Float32[np.ndarray, "n 3"] = self.points[self.item]
+        return points
 
     @property
     def center(self) -> Float[np.ndarray, "2"]:
         """Middle of the object's visible footprint (x, y), metres."""
         low, high = np.percentile(self.item_points[:, :2], (2, 98), axis=0)
-        return (low + high) / 2
+        centre: Float[np.ndarray, "2"] = (low + high) / 2
+        return centre
 
     def near(self, radius: float = 0.3) -> Float32[np.ndarray, "n 3"]:
         """Points on the table and above it within a square around the workspace centre, metres."""
-        return self.points[self.valid & in_square(self.points, radius)]
+        points: Float32[np.ndarray, "n 3"] = self.points[self.valid & in_square(self.points, radius)]
+        return points
 
     def raised_points(self, radius: float = 0.3) -> Float64[np.ndarray, "n 3"]:
         """What stands on the table within a square around the workspace centre, with z counted from the table seen."""
@@ -201,4 +204,5 @@ class SurfaceReader:
         if len(large) == 0:
             return np.zeros_like(above)
         x, y = (np.bincount(members, points[..., axis][above])[large] / sizes[large] for axis in (0, 1))
-        return labels == large[np.argmin(np.hypot(x, y))]
+        chosen: Bool[np.ndarray, "h w"] = labels == large[np.argmin(np.hypot(x, y))]
+        return chosen

@@ -108,7 +108,8 @@ def fit_plane(points: Points, rng: np.random.Generator, config: TableConfig) -> 
 def _grid(depth: np.ndarray, camera: Camera, stride: int) -> np.ndarray:
     rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
     small = depth[rows, columns].astype(np.float64)
-    return np.where(small > 0, small, np.nan)[..., None] * camera.rays()[rows, columns]
+    points: np.ndarray = np.where(small > 0, small, np.nan)[..., None] * camera.rays()[rows, columns]
+    return points
 
 
 def _central_piece(above: np.ndarray, min_pixels: int) -> np.ndarray:

@@ -201,7 +201,8 @@ class Selection:
 
 
 def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:
-    return (points - hand_to_workspace[:3, 3]) @ hand_to_workspace[:3, :3]
+    in_hand: np.ndarray = (points - hand_to_workspace[:3, 3]) @ hand_to_workspace[:3, :3]
+    return in_hand
 
 
 def _levels(value: Float[Tensor, "n"], tie: float) -> Int[Tensor, "n"]:

@@ -242,7 +242,8 @@ class _Descent:
         length = self.direction.norm(dim=-1).clamp(min=torch.finfo(slope.dtype).tiny)
         newton = torch.where(self.curvature > 0, -slope / length / self.curvature, torch.inf)
         step = torch.minimum(torch.maximum(newton, 0.2 * self.step_length), 4.0 * self.step_length)
-        return step.clamp(max=self.config.max_step) / length
+        lengths: Float[Tensor, "n"] = step.clamp(max=self.config.max_step) / length
+        return lengths
 
     def _try(self, rows: Int[Tensor, "m"]) -> tuple[Bool[Tensor, "m"], Float[Tensor, "m"]]:
         """Evaluate one trial per row and keep those that decrease enough; which they are, and f(trial) - f for all."""

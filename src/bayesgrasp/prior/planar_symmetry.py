@@ -217,7 +217,7 @@ class PlanarRefresh:
         poses: Float64[np.ndarray, "n 3"],
         reached: Bool[np.ndarray, "n"],
     ) -> Bool[np.ndarray, "n"]:
-        drawn = np.isfinite(poses).all(-1)
+        drawn: Bool[np.ndarray, "n"] = np.isfinite(poses).all(-1)
         if self.reachable is not None and drawn.any():
             there = moved(attempts[drawn], hands[drawn], poses[drawn])
             drawn[drawn] = self.reachable(there) == reached[drawn]
@@ -259,4 +259,5 @@ def _share_inside(
         return ((place[0] + offset >= box[0]) & (place[0] + offset <= box[1])).astype(np.float64)
     low = np.maximum(place[0], box[0] - offset)
     high = np.minimum(place[1], box[1] - offset)
-    return np.clip(high - low, 0.0, None) / width
+    shares: Float64[np.ndarray, "*batch"] = np.clip(high - low, 0.0, None) / width
+    return shares

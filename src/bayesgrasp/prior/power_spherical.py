@@ -84,7 +84,8 @@ class PowerSpherical:
         if length < 1e-12:
             return draws
         normal /= length
-        return draws - 2 * (draws @ normal)[:, None] * normal
+        reflected: Float[np.ndarray, "{n} d"] = draws - 2 * (draws @ normal)[:, None] * normal
+        return reflected
 
     def log_prob(self, q: Float[Tensor, "*batch d"]) -> Float[Tensor, "*batch"]:
         """Log density with respect to the surface measure, for unit vectors.

@@ -56,7 +56,8 @@ class ScenePrior:
     def probabilities(self) -> Float64[np.ndarray, "objects"]:
         """Probability of each object."""
         weights = np.ones(self.num_objects) if self.weights is None else np.array(self.weights, dtype=np.float64)
-        return weights / weights.sum()
+        shares: Float64[np.ndarray, "objects"] = weights / weights.sum()
+        return shares
 
     def sample(self, n: int, rng: np.random.Generator) -> Scenes:
         """Scenes of length n."""
@@ -75,13 +76,14 @@ class ScenePrior:
         possible = known & (self.probabilities[np.where(known, index, 0)] > 0)
         x, y, yaw = scenes.object_pose.T
         turned = self.yaw[0] + np.mod(yaw - self.yaw[0], 2 * math.pi)
-        return (
+        inside: np.ndarray = (
             possible
             & _within(scenes.scale, self.scale)
             & _within(x, self.x)
             & _within(y, self.y)
             & (turned <= self.yaw[1] + 1e-6)
         )
+        return inside
 
 
 def _within(values: np.ndarray, interval: Interval) -> np.ndarray:

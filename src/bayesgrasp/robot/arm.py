@@ -129,7 +129,8 @@ class ArmDescription:
         pose = self.base_to_world
         for joint in range(JOINTS):
             pose = pose @ links[..., joint, :, :]
-        return pose @ self.hand_to_flange
+        hand_to_world: Float64[np.ndarray, "*batch 4 4"] = pose @ self.hand_to_flange
+        return hand_to_world
 
     def inverse_kinematics(
         self, hand_to_world: Float64[np.ndarray, "4 4"], reference: Float64[np.ndarray, "6"] | None = None
@@ -155,7 +156,8 @@ class ArmDescription:
         q = near + np.remainder(np.asarray(branches) - near + math.pi, 2 * math.pi) - math.pi
         q = np.where(np.abs(q) > self._limits, q - np.copysign(2 * math.pi, q), q)
         q = q[(np.abs(q) <= self._limits).all(axis=1)]
-        return q[np.argsort(np.abs(q - near).max(axis=1), kind="stable")]
+        nearest_first: Float64[np.ndarray, "solutions 6"] = q[np.argsort(np.abs(q - near).max(axis=1), kind="stable")]
+        return nearest_first
 
     @cached_property
     def _home(self) -> Float64[np.ndarray, "6"]:

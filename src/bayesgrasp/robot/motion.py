@@ -184,7 +184,8 @@ def _detours(arm: ArmDescription, goal: Float64[np.ndarray, "6"]) -> Iterator[li
 
 def _interpolate(start: Float64[np.ndarray, "6"], end: Float64[np.ndarray, "6"], step: float) -> Path:
     count = max(2, 1 + int(np.ceil(np.abs(end - start).max() / step)))
-    return start + _fractions(count) * (end - start)
+    path: Path = start + _fractions(count) * (end - start)
+    return path
 
 
 @lru_cache(maxsize=64)

@@ -44,7 +44,8 @@ class Placed:
         extents, radius = self.rounded_box
         half = extents + radius
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
-        return signs * half @ self.shape_to_hand[:3, :3].T + self.shape_to_hand[:3, 3]
+        corners: Float64[np.ndarray, "8 3"] = signs * half @ self.shape_to_hand[:3, :3].T + self.shape_to_hand[:3, 3]
+        return corners
 
 
 class OpenHand:
@@ -76,7 +77,8 @@ class OpenHand:
         """Which points (hand frame, metres) are in the closing region."""
         reach, across, beside = self._closing_region
         x, y, z = points.T
-        return (x > 0) & (x < reach) & (np.abs(y) < across) & (np.abs(z) < beside)
+        between: np.ndarray = (x > 0) & (x < reach) & (np.abs(y) < across) & (np.abs(z) < beside)
+        return between
 
     @cached_property
     def _corners(self) -> dict[GraspType, Points]:

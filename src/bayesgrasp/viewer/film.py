@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from bayesgrasp.geometry.camera import Camera, look_at
-from bayesgrasp.lift.lift_test import LiftTest, LiftTestConfig
+from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Attempts
 from bayesgrasp.viewer.raycast import contact_sheet, physics_meshes, render

@@ -125,7 +125,10 @@ class BulletEngine:
     def _weight(self) -> np.ndarray:
         """Of the object, newton; the links of the robot carry none."""
         body = self._item.body
-        return self.model.body_mass[body] * (1.0 - self.model.body_gravcomp[body]) * self.model.opt.gravity
+        weight: np.ndarray = (
+            self.model.body_mass[body] * (1.0 - self.model.body_gravcomp[body]) * self.model.opt.gravity
+        )
+        return weight
 
     def _joint_states(self) -> tuple[np.ndarray, np.ndarray]:
         states = self.client.getJointStates(self.robot.body, self.robot.joints)

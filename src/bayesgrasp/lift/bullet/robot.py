@@ -100,7 +100,7 @@ class BulletRobot:
         poses = [geom_pose(model, g) if body is not None else self._world_pose(g) for g in geoms]
         sizes = model.geom_size[geoms]
         capsule = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CAPSULE
-        return client.createCollisionShapeArray(
+        shape: int = client.createCollisionShapeArray(
             shapeTypes=[client.GEOM_CAPSULE if c else client.GEOM_BOX for c in capsule],
             radii=sizes[:, 0].tolist(),
             lengths=(2.0 * sizes[:, 1]).tolist(),
@@ -108,9 +108,11 @@ class BulletRobot:
             collisionFramePositions=[pose[:3, 3].tolist() for pose in poses],
             collisionFrameOrientations=[bullet_quaternion(pose[:3, :3]) for pose in poses],
         )
+        return shape
 
     def _world_pose(self, geom: int) -> Float64[np.ndarray, "4 4"]:
-        return self._frames[self.model.geom_bodyid[geom]] @ geom_pose(self.model, geom)
+        pose: Float64[np.ndarray, "4 4"] = self._frames[self.model.geom_bodyid[geom]] @ geom_pose(self.model, geom)
+        return pose
 
     def _set_dynamics(self, link: int, body: int | None) -> None:
         stops: dict[str, float] = {}

@@ -76,7 +76,8 @@ class ServoForces:
 
     def _stop_force(self, length: Pulls, rate: Pulls) -> Pulls:
         beyond = np.minimum(np.maximum(length, self._low), self._high) - length
-        return (beyond != 0.0) * (self._stop_stiffness * beyond - self._stop_damping * rate)
+        force: Pulls = (beyond != 0.0) * (self._stop_stiffness * beyond - self._stop_damping * rate)
+        return force
 
 
 def _tendon_lengths(model: mujoco.MjModel) -> Float64[np.ndarray, "tendons dofs"]:
@@ -93,5 +94,7 @@ def _transmission(
 ) -> Joints:
     target = model.actuator_trnid[actuator, 0]
     if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON:
-        return tendons[target]
-    return (dofs == model.jnt_dofadr[target]).astype(np.float64)
+        weights: Joints = tendons[target]
+    else:
+        weights = (dofs == model.jnt_dofadr[target]).astype(np.float64)
+    return weights
