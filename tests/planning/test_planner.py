@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from box_scene import Box, box_depth_image
 from scipy.spatial.transform import Rotation
 
 from bayesgrasp.errors import BayesgraspError, DepthImageError, InvalidConfigurationError
@@ -24,8 +25,8 @@ CAMERA = canonical_camera()
 
 
 @pytest.fixture(scope="module")
-def depth(render, a_box) -> np.ndarray:
-    return render(CAMERA, (a_box(x=0.02, y=-0.03, yaw=0.4),))
+def depth() -> np.ndarray:
+    return box_depth_image(CAMERA, (Box(x=0.02, y=-0.03, yaw=0.4),))
 
 
 @pytest.fixture(scope="module")
@@ -108,9 +109,9 @@ def test_same_seed_same_plan(thumb_planner, depth) -> None:
     ("box", "words"),
     [(None, "nothing on the table"), ({"y": 0.25}, "outside the workspace")],
 )
-def test_no_grasps_come_with_the_reason(thumb_planner, render, a_box, box, words) -> None:
-    boxes = () if box is None else (a_box(**box),)
-    plan = thumb_planner.plan(render(CAMERA, boxes), CAMERA)
+def test_no_grasps_come_with_the_reason(thumb_planner, box, words) -> None:
+    boxes = () if box is None else (Box(**box),)
+    plan = thumb_planner.plan(box_depth_image(CAMERA, boxes), CAMERA)
     assert plan.grasps == ()
     assert words in plan.reason
     assert plan.to_dict()["grasps"] == []
@@ -133,9 +134,9 @@ def test_unreachable_grasps_give_way_to_reachable_ones(thumb_planner, depth) -> 
     assert {grasp.grasp_type for grasp in plan.grasps} == {GraspType.PINCH}
 
 
-def test_hands_that_cut_into_the_surface_are_left_out(thumb_planner, render, a_box) -> None:
+def test_hands_that_cut_into_the_surface_are_left_out(thumb_planner) -> None:
     """A post stands where the palm would be: nothing about the ratio knows of it."""
-    wall = render(CAMERA, (a_box(size=(0.05, 0.12, 0.12)), a_box(x=-0.055, size=(0.03, 0.3, 0.4))))
+    wall = box_depth_image(CAMERA, (Box(size=(0.05, 0.12, 0.12)), Box(x=-0.055, size=(0.03, 0.3, 0.4))))
     free = replace(thumb_planner, config=PlannerConfig(selection=SelectionConfig(penetration=10.0)))
     careful = thumb_planner.plan(wall, CAMERA)
     assert free.plan(wall, CAMERA).grasps
@@ -154,10 +155,10 @@ def test_unlike_images_are_flagged(thumb_planner, depth) -> None:
     assert plan.to_dict()["misspecification"]["unfamiliar"]
 
 
-def test_without_a_pose_the_grasp_is_given_in_the_camera_frame(thumb_planner, render, a_box) -> None:
+def test_without_a_pose_the_grasp_is_given_in_the_camera_frame(thumb_planner) -> None:
     pose = look_at(np.array([0.45, 0.02, 0.70]), np.array([0.05, 0.02, 0.05]))
     camera = replace(CAMERA, camera_to_world=pose)
-    depth = render(camera, (a_box(x=0.05, y=0.02),))
+    depth = box_depth_image(camera, (Box(x=0.05, y=0.02),))
     plan = thumb_planner.plan(depth, camera.with_pose(None))
     assert any("camera_to_world was not given" in warning for warning in plan.warnings)
     tip = pose @ plan.grasps[0].hand_to_camera @ [0.13, 0.0, 0.0, 1.0]
@@ -172,9 +173,9 @@ def test_a_camera_on_another_side_turns_the_workspace() -> None:
     np.testing.assert_array_equal(aligned_workspace(CAMERA.pose, 0.35), np.eye(4))
 
 
-def test_figure_is_drawn_with_and_without_grasps(thumb_planner, plan, depth, render, tmp_path) -> None:
+def test_figure_is_drawn_with_and_without_grasps(thumb_planner, plan, depth, tmp_path) -> None:
     save_plan_figure(tmp_path / "plan.png", plan, depth, CAMERA, thumb_planner.robot.hand)
-    empty = render(CAMERA)
+    empty = box_depth_image(CAMERA)
     nothing = thumb_planner.plan(empty, CAMERA)
     save_plan_figure(tmp_path / "nothing.png", nothing, empty, CAMERA, thumb_planner.robot.hand)
     assert (tmp_path / "plan.png").stat().st_size > 20_000

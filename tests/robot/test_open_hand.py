@@ -63,9 +63,7 @@ def test_closing_region_is_ahead_of_the_palm_between_the_fingers() -> None:
     assert HAND.between_fingers(points).tolist() == [True, False, False, False, False]
 
 
-def test_lowest_point_of_a_hand_that_points_down(downward) -> None:
-    pose = np.eye(4)
-    pose[:3, :3] = downward
-    pose[2, 3] = 0.5
+def test_lowest_point_of_a_hand_that_points_down() -> None:
+    pose = np.array([[0, 1, 0, 0], [0, 0, -1, 0], [-1, 0, 0, 0.5], [0, 0, 0, 1]], dtype=float)
     reach = max(float(placed.corners()[:, 0].max()) for placed in HAND.shapes[GraspType.BASIC])
     assert HAND.lowest(pose, GraspType.BASIC) == pytest.approx(0.5 - reach)

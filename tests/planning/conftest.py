@@ -1,14 +1,12 @@
-"""A planner that needs no training, and scenes of boxes to plan on."""
+"""A planner that needs no training."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import torch
-from box_scene import Box, box_depth_image
 
-from bayesgrasp.geometry import so3
-from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.planner import Planner, Posterior
@@ -26,23 +24,6 @@ class Path:
     transit: np.ndarray
     approach: np.ndarray
     lift: np.ndarray
-
-
-@pytest.fixture(scope="session")
-def render():
-    return box_depth_image
-
-
-@pytest.fixture(scope="session")
-def a_box():
-    return Box
-
-
-@pytest.fixture(scope="session")
-def other_camera() -> Camera:
-    """A camera that is not the canonical one."""
-    pose = look_at(np.array([-0.1, 0.45, 0.6]), np.array([0.02, 0.0, 0.03]))
-    return Camera(width=640, height=480, fx=525.0, fy=525.0, cx=319.5, cy=239.5, camera_to_world=pose)
 
 
 def standing_still(hand_to_world: np.ndarray, grasp_type: GraspType) -> Path:
@@ -73,11 +54,3 @@ def thumb_planner() -> Planner:
     robot = Robot(OpenHand(robotiq_3f()), standing_still)
     posterior = Posterior(given_image, lambda value: value.sigmoid())
     return Planner(posterior, GraspPrior(), lambda depth, camera: preprocess(depth), reader, robot)
-
-
-@pytest.fixture(scope="session")
-def downward() -> np.ndarray:
-    """A hand that points straight down and closes along world x."""
-    return so3.exp(torch.tensor([[0.0, 0.0, 0.0]])).numpy()[0] @ np.array(
-        [[0, 1, 0], [0, 0, -1], [-1, 0, 0]], dtype=float
-    )
