@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[1] / "src" / "bayesgrasp"
 LEVELS: tuple[frozenset[str], ...] = tuple(
     frozenset(names.split())
     for names in (
-        "types errors seeding",
+        "types errors seeding files locks",
         "geometry",
         "meshes",
         "objects",
