@@ -13,12 +13,13 @@ OUT := out
 WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help demo test lint setup clean
+.PHONY: help demo test lint profile setup clean
 
 help:
 	@echo 'make demo    set up, then plan a grasp from a depth image and try it: $(OUT)/demo.png'
 	@echo 'make test    set up, then check style, types and behaviour'
 	@echo 'make lint    set up, then check style and types only'
+	@echo 'make profile set up, then measure sizes, names and imports of the code, before and now: results/profile.md'
 	@echo 'make setup   only set up the virtual environment $(VENV)'
 	@echo 'make clean   remove the virtual environment and all caches of tools'
 
@@ -33,6 +34,11 @@ lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+# The last revision before the rooms were redrawn, beside this one.
+BEFORE ?= 8e8cf2b
+profile: setup
+	$(BIN)/python benchmarks/code_profile.py --against $(BEFORE) --json results/profile.json --table results/profile.md
 
 setup: $(STAMP)
 
