@@ -1,6 +1,7 @@
 """The pinhole camera: round trips, conventions, resizing, and every bad camera file."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,54 @@ def content(**changes: object) -> dict[str, object]:
 def test_bad_content_is_refused_by_name(changes: dict[str, object], message: str) -> None:
     with pytest.raises(DepthImageError, match=message):
         Camera.from_dict(content(**changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"intrinsics__fx": "580"}, r"intrinsics\.fx must be a number, got '580'"),
+        ({"intrinsics__fx": True}, r"intrinsics\.fx must be a number, got True"),
+        ({"intrinsics__fx": [580.0]}, r"intrinsics\.fx must be a number"),
+        ({"intrinsics__fx": 10**400}, r"intrinsics\.fx must be a number, finite"),
+        ({"intrinsics__fx": 1e300}, r"at most 1e\+06 pixels"),
+        ({"intrinsics__cy": -1e9}, r"at most 1e\+06 pixels"),
+        ({"intrinsics__width": 1e30}, "at most 50,000,000 pixels"),
+        ({"intrinsics__width": 10_000, "intrinsics__height": 10_000}, "at most 50,000,000 pixels"),
+        ({"intrinsics__width": "x" * 10**6}, r"intrinsics\.width must be a number"),
+        ({"camera_to_world__translation_m": ["0.4", "0.0", "0.7"]}, "translation_m must be an array"),
+        ({"camera_to_world__translation_m": [0.4, False, 0.7]}, "translation_m must be an array"),
+        ({"camera_to_world__translation_m": [0.4, 0.0, 700.0]}, "more than 100 m from the origin"),
+        ({"camera_to_world__rotation": [[1e308] * 3] * 3}, "not a rotation"),
+        ({"camera_to_world__rotation": [[1, 0, 0], [0, 1, 0], [0, 0]]}, "shape"),
+        ({"camera_to_world__rotation": [[[]] * 3] * 3}, "shape"),
+        ({"camera_to_world": False}, "camera_to_world"),
+    ],
+)
+def test_what_no_camera_has_is_refused_in_one_short_line(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(DepthImageError, match=message) as refused:
+        Camera.from_dict(content(**changes))
+    assert len(str(refused.value)) < 300
+    assert "\n" not in str(refused.value)
+
+
+def test_files_that_are_endless_huge_or_deep_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.json")
+    (tmp_path / "huge.json").write_text(json.dumps(content(note="x" * 2**20)))
+    (tmp_path / "deep.json").write_text('{"intrinsics": ' + "[" * 100_000 + "]" * 100_000 + "}")
+    (tmp_path / "twice.json").write_text(json.dumps(content())[:-1] + ', "intrinsics": {}}')
+    messages = {"pipe": "a pipe", "huge": "at most 1 MiB", "deep": "nested deeper", "twice": "stands twice"}
+    for name, message in messages.items():
+        with pytest.raises(DepthImageError, match=rf"camera file: .*{name}\.json.*{message}") as refused:
+            Camera.load(tmp_path / f"{name}.json")
+        assert len(str(refused.value)) < 400
+    with pytest.raises(DepthImageError, match="a device"):
+        Camera.load("/dev/zero")
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    numbers = {name: np.float32(value) for name, value in canonical_camera().to_dict()["intrinsics"].items()}
+    pose = {"translation_m": np.array([0.4, 0.0, 0.7]), "rotation": np.diag([1.0, -1.0, -1.0])}
+    assert Camera.from_dict({"intrinsics": numbers, "camera_to_world": pose}).width == 640
 
 
 def test_unreadable_files_are_refused_with_their_path(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ is (W - 1) / 2. Depth is p_z, not the length of the ray. Lens distortion is not 
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from bayesgrasp.errors import DepthImageError
+from bayesgrasp.errors import DepthImageError, shown
+from bayesgrasp.files import write_json
+from bayesgrasp.geometry.camera_file import INTRINSICS, intrinsics_of, pose_of, read_camera_file
 
-INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
 ROTATION_TOLERANCE = 1e-3
 """A written rotation may be off by rounding; further off, it is a mistake."""
+MOST_PIXELS = 50_000_000
+"""Of an image; the largest depth cameras have two million."""
+LONGEST = 1e6
+"""Focal lengths and principal points beyond this many pixels are those of no camera."""
+FARTHEST = 100.0
+"""A camera further from the workspace than this does not look at it, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +66,7 @@ class Camera:
         Raises:
             DepthImageError: The file is missing, is not JSON, or does not describe a camera.
         """
-        try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise DepthImageError(f"cannot read the camera file {path}: {error.strerror}") from error
-        except ValueError as error:
-            raise DepthImageError(f"the camera file {path} is not JSON: {error}") from error
+        content = read_camera_file(path)
         try:
             return cls.from_dict(content)
         except DepthImageError as error:
@@ -78,17 +79,13 @@ class Camera:
         Raises:
             DepthImageError: A key is missing, or a value is not a number of the right shape.
         """
-        intrinsics = _section(content, "intrinsics", INTRINSICS)
-        numbers = {key: float(_numbers(intrinsics[key], f"intrinsics.{key}", ())) for key in INTRINSICS}
-        for key in ("width", "height"):
-            if not numbers[key].is_integer():
-                raise DepthImageError(f"intrinsics.{key} must be a whole number of pixels, got {numbers[key]}")
-        pose = None if content.get("camera_to_world") is None else _parse_pose(content)
-        return cls(width=int(numbers.pop("width")), height=int(numbers.pop("height")), **numbers, camera_to_world=pose)
+        numbers = intrinsics_of(content)
+        width, height = (int(numbers.pop(name)) for name in ("width", "height"))
+        return cls(width=width, height=height, **numbers, camera_to_world=pose_of(content))
 
     def save(self, path: str | Path) -> None:
         """Write the camera file that `load` reads."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
+        write_json(path, self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """The camera as the content of a camera file."""
@@ -220,19 +217,24 @@ def _check_intrinsics(camera: Camera) -> None:
         found = dict(zip(INTRINSICS, values.tolist(), strict=True))
         raise DepthImageError(f"camera intrinsics must be finite numbers, got {found}")
     if camera.width < 1 or camera.height < 1:
-        raise DepthImageError(f"a camera needs at least one pixel each way, got {camera.width} x {camera.height}")
+        raise DepthImageError(f"a camera needs at least one pixel each way, got {values[0]:g} x {values[1]:g}")
+    if values[0] * values[1] > MOST_PIXELS:
+        raise DepthImageError(
+            f"an image has at most {MOST_PIXELS:,} pixels, the intrinsics are for {values[0]:g} x {values[1]:g}"
+        )
     if camera.fx <= 0 or camera.fy <= 0:
         raise DepthImageError(
             f"singular intrinsics: focal lengths must be positive pixels, got fx={camera.fx}, fy={camera.fy}"
         )
+    if np.abs(values[2:]).max() > LONGEST:
+        raise DepthImageError(f"fx, fy, cx and cy are at most {LONGEST:g} pixels, got {shown(values[2:].tolist())}")
 
 
 def _checked_pose(camera_to_world: np.ndarray) -> np.ndarray:
     pose = np.array(camera_to_world, dtype=np.float64)
-    if not np.isfinite(pose).all() or not np.allclose(pose[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9):
-        raise DepthImageError("camera_to_world must be finite, with the last row (0, 0, 0, 1)")
-    left, _, right = np.linalg.svd(pose[:3, :3])
-    closest = left @ right
+    if pose.shape != (4, 4) or not np.isfinite(pose).all() or not np.allclose(pose[3], [0, 0, 0, 1], atol=1e-9):
+        raise DepthImageError("camera_to_world must be finite and 4 x 4, with the last row (0, 0, 0, 1)")
+    closest = _closest_rotation(pose[:3, :3])
     error = np.abs(closest - pose[:3, :3]).max()
     if np.linalg.det(closest) < 0 or error > ROTATION_TOLERANCE:
         raise DepthImageError(
@@ -244,34 +246,19 @@ def _checked_pose(camera_to_world: np.ndarray) -> np.ndarray:
             f"the camera is at z = {pose[2, 3]:.3f} m, not above the table: camera_to_world must map the camera frame "
             "into a world with z up and its origin on the table top"
         )
+    if np.abs(pose[:3, 3]).max() > FARTHEST:
+        raise DepthImageError(
+            f"the camera is at {shown(pose[:3, 3].tolist())}, more than {FARTHEST:g} m from the origin of the world "
+            "along an axis: translations are metres, and the origin is on the table top"
+        )
     if error > 1e-9:  # leave an exact rotation alone, so that a saved camera is read back bit for bit
         pose[:3, :3] = closest
     pose.flags.writeable = False
     return pose
 
 
-def _section(content: Any, name: str, keys: tuple[str, ...]) -> dict[str, Any]:
-    section = content.get(name) if isinstance(content, dict) else None
-    missing = list(keys) if not isinstance(section, dict) else [key for key in keys if key not in section]
-    if not isinstance(section, dict) or missing:
-        raise DepthImageError(f"`{name}` must be an object with {', '.join(keys)}; missing: {', '.join(missing)}")
-    return section
-
-
-def _numbers(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    what = f"an array of shape {list(shape)}" if shape else "a number"
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DepthImageError(f"{name} must be {what}, got {value!r}") from error
-    if array.shape != shape or not np.isfinite(array).all():
-        raise DepthImageError(f"{name} must be {what}, finite, got {value!r}")
-    return array
-
-
-def _parse_pose(content: dict[str, Any]) -> np.ndarray:
-    section = _section(content, "camera_to_world", ("translation_m", "rotation"))
-    pose = np.eye(4)
-    pose[:3, :3] = _numbers(section["rotation"], "camera_to_world.rotation", (3, 3))
-    pose[:3, 3] = _numbers(section["translation_m"], "camera_to_world.translation_m", (3,))
-    return pose
+def _closest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """The orthogonal matrix closest to a matrix; some other one for entries that no rotation has, which may be huge."""
+    left, _, right = np.linalg.svd(matrix.clip(-2.0, 2.0))
+    closest: np.ndarray = left @ right
+    return closest

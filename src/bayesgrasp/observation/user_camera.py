@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64
 
 from bayesgrasp.errors import DepthImageError
-from bayesgrasp.geometry.camera import INTRINSICS, Camera
+from bayesgrasp.geometry.camera import Camera
+from bayesgrasp.geometry.camera_file import INTRINSICS
 
 Intrinsics = Camera | Mapping[str, float | int] | np.ndarray
 SMALLEST_DEPTH, LARGEST_DEPTH = 0.15, 20.0
