@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
+from c2st import c2st
 from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
-from bayesgrasp.diagnostics.c2st import c2st
 from bayesgrasp.diagnostics.coverage import expected_coverage, hpd_mass
 from bayesgrasp.known.analytic import AnalyticConfig, AnalyticGrasping
 from bayesgrasp.prior.grasp import GraspPrior

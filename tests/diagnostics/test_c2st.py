@@ -3,8 +3,8 @@
 import known
 import pytest
 import torch
+from c2st import C2STConfig, c2st
 
-from bayesgrasp.diagnostics.c2st import C2STConfig, c2st
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.types import Hands
 

@@ -7,7 +7,7 @@ import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.known.analytic import AnalyticGrasping
-from bayesgrasp.posterior.chain import ChainConfig, fold, run_chains, split_rhat
+from bayesgrasp.posterior.chain import ChainConfig, fold, run_chains
 from bayesgrasp.posterior.potential import Box, Potential, likelihood_potential, posterior_potential, prior_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, systematic, weigh
 from bayesgrasp.prior.grasp import GraspPrior
@@ -119,13 +119,6 @@ def test_systematic_resampling_is_proportional() -> None:
     weight = torch.tensor([0.5, 0.25, 0.0, 0.25], dtype=torch.float64)
     counts = torch.bincount(systematic(weight, 400, torch_generator(33)), minlength=4)
     assert counts.tolist() == [200, 100, 0, 100]
-
-
-def test_split_rhat_tells_mixed_chains_from_stuck_ones() -> None:
-    noise = torch.randn(100, 8, generator=torch_generator(34))
-    assert split_rhat(noise) == pytest.approx(1.0, abs=0.02)
-    assert split_rhat(noise + torch.arange(8.0)) > 1.5
-    assert split_rhat(noise + torch.linspace(0, 3, 100)[:, None]) > 1.2
 
 
 def test_what_cannot_be_sampled_is_refused() -> None:

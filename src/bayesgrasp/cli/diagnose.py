@@ -52,7 +52,7 @@ def diagnose(
         workers: Processes.
     """
     from bayesgrasp.cli.judging import Court, judge_all
-    from bayesgrasp.diagnostics.report import report
+    from bayesgrasp.diagnostics.posterior_report import report
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.geometry.grasp_space import GraspSpace
     from bayesgrasp.ratio.checkpoint import load_model

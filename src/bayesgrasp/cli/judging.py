@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from bayesgrasp.cli.truths import Truths
-    from bayesgrasp.diagnostics.report import Judged
+    from bayesgrasp.diagnostics.posterior_report import Judged
     from bayesgrasp.types import Hands
 
     Verdict = tuple[Judged, list[float]]
@@ -80,7 +80,7 @@ class _Judge:
     def __call__(self, row: int) -> Verdict:
         import torch
 
-        from bayesgrasp.diagnostics.report import Observation, judge
+        from bayesgrasp.diagnostics.posterior_report import Observation, judge
         from bayesgrasp.seeding import generator, torch_generator
 
         image, truth = self.truths.images[row], self.truths.hands[row]

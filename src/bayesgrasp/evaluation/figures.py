@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayesgrasp.diagnostics.figures import BLUE, save
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.diagnostics.plots import BLUE, save
 from bayesgrasp.evaluation.shifts import NONE
 from bayesgrasp.evaluation.tables import LABELS, PAPER_ATTEMPTS
 from bayesgrasp.posterior.potential import Prior

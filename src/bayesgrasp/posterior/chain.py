@@ -208,14 +208,3 @@ def fold(position: Float[Tensor, "*batch 3"], box: Box) -> tuple[Float[Tensor, "
     back = phase > size
     folded = low + torch.where(back, 2 * size - phase, phase)
     return box.clip(folded), torch.where(back, -1.0, 1.0).to(position)
-
-
-def split_rhat(values: Float[Tensor, "trajectories chains"]) -> float:
-    """Split R-hat of a scalar (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4): near 1 once mixed."""
-    half = len(values) // 2
-    if half < 2:
-        raise InvalidConfigurationError("split R-hat needs at least 4 trajectories")
-    parts = torch.cat([values[:half], values[half : 2 * half]], 1).double()
-    within = parts.var(0).mean()
-    between = parts.mean(0).var()
-    return float(((half - 1) / half + between / within).sqrt())

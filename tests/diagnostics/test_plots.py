@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 
 from bayesgrasp.diagnostics.coverage import expected_coverage, hpd_mass
-from bayesgrasp.diagnostics.figures import plot_coverage, plot_ranks, plot_reliability, plot_spread
+from bayesgrasp.diagnostics.plots import plot_coverage, plot_ranks, plot_reliability, plot_spread
 from bayesgrasp.diagnostics.reliability import reliability
 from bayesgrasp.diagnostics.sbc import simulation_based_calibration
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from bayesgrasp.diagnostics.coverage import Coverage, expected_coverage, hpd_mass
-from bayesgrasp.diagnostics.figures import plot_coverage, plot_ranks, plot_reliability, plot_spread
+from bayesgrasp.diagnostics.plots import plot_coverage, plot_ranks, plot_reliability, plot_spread
 from bayesgrasp.diagnostics.reliability import Reliability
 from bayesgrasp.diagnostics.sbc import Ranks, simulation_based_calibration
 from bayesgrasp.diagnostics.tarp import Distance, tarp_ranks
