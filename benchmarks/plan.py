@@ -29,7 +29,7 @@ from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 from bayesgrasp.seeding import generator
-from bayesgrasp.workflows.loading import DEFAULT_MODEL
+from bayesgrasp.workflows.load import DEFAULT_MODEL
 
 STAGES = ("view", "scene", "encode", "search", "reach")
 CAMERAS = ("canonical camera", "another camera")

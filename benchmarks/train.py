@@ -35,10 +35,10 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvEncoder, HandConfig, HandFeatures
-from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.ratio.model import GraspModel, Role
 from bayesgrasp.seeding import generator, torch_generator
 from bayesgrasp.training.objectives import ImageObjective, Objective
-from bayesgrasp.training.presets import PresetName, Role, Setup, preset
+from bayesgrasp.training.presets import PresetName, Setup, preset
 from bayesgrasp.training.train_estimator import TrainConfig, initialised, train
 from bayesgrasp.types import Hands
 

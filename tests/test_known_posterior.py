@@ -19,12 +19,12 @@ from bayesgrasp.data.schema import Batch
 from bayesgrasp.diagnostics.coverage import expected_coverage, hpd_mass
 from bayesgrasp.known.analytic import AnalyticConfig, AnalyticGrasping
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.estimators import ImageConfig, MetricConfig
+from bayesgrasp.ratio.estimators import ImageConfig, SuccessRatioConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import generator, torch_generator
-from bayesgrasp.training.objectives import ImageObjective, MetricObjective, Objective, SuccessObjective
+from bayesgrasp.training.objectives import ImageObjective, Objective, SuccessObjective, SuccessRatioObjective
 from bayesgrasp.training.train_estimator import TrainConfig, train
 from bayesgrasp.types import Hands
 
@@ -100,10 +100,12 @@ def models() -> dict[str, GraspModel]:
     """By route."""
     config = ImageConfig(encoder=ConvConfig((20, 32), (16, 32, 32), 64), widths=(128, 128), activation="relu")
     image = fitted("image", config, ImageObjective(hands=1, shifts=6), successes, steps=1200)
-    metric = fitted("metric", MetricConfig(activation="relu"), MetricObjective(), attempts, steps=700)
+    success_ratio = fitted(
+        "success_ratio", SuccessRatioConfig(activation="relu"), SuccessRatioObjective(), attempts, steps=700
+    )
     success = fitted("global", config, SuccessObjective(), tries, steps=900)
     return {
-        "factorised": GraspModel({"image": image, "metric": metric}, {}),
+        "factorised": GraspModel({"image": image, "success_ratio": success_ratio}, {}),
         "success": GraspModel({"success": success}, {}),
     }
 
@@ -182,11 +184,11 @@ def test_ratios_average_to_one(models: dict[str, GraspModel]) -> None:
     """E_{p(h)} r(S=1 | h) = 1 and E_{p(i | S=1) p(h | S=1)} r(i | S=1, h) = 1."""
     rng, model = generator(15), models["factorised"]
     with torch.no_grad():
-        metric = model.given_success()(PRIOR.sample(20_000, rng)).exp().mean()
+        success_ratio = model.given_success()(PRIOR.sample(20_000, rng)).exp().mean()
         draws = PROBLEM.sample_successes(300, rng)
         hands = PROBLEM.sample_successes(300, rng).hands
         image = model.estimators["image"]
         rows = Hands(*(x.expand(300, *x.shape) for x in (hands.position, hands.rotation, hands.grasp_type)))
         pairs = image(image.encode(draws.image), rows).exp().mean()
-    assert float(metric) == pytest.approx(1.0, abs=0.1)
+    assert float(success_ratio) == pytest.approx(1.0, abs=0.1)
     assert float(pairs) == pytest.approx(1.0, abs=0.1)

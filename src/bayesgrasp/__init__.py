@@ -20,6 +20,6 @@ def load(model: "_Path | str | None" = None) -> "Planner":
         CheckpointError: The model is missing, damaged, or was trained for another gripper, camera or schema.
     """
     # Imported here, so that `import bayesgrasp` is quick.
-    from bayesgrasp.workflows.loading import load_planner
+    from bayesgrasp.workflows.load import load_planner
 
     return load_planner(model)

@@ -14,7 +14,7 @@ from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.planner import Planner, Posterior
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows import loading
+from bayesgrasp.workflows import load
 
 
 def given_image(image: torch.Tensor):
@@ -37,12 +37,12 @@ def nothing_works(image: torch.Tensor):
 
 @pytest.fixture(scope="module")
 def planner(tmp_path_factory: pytest.TempPathFactory) -> Planner:
-    return loading.load_planner(save_untrained(tmp_path_factory.mktemp("demo") / "model"))
+    return load.load_planner(save_untrained(tmp_path_factory.mktemp("demo") / "model"))
 
 
 def show(monkeypatch: pytest.MonkeyPatch, planner: Planner, rule, out: Path) -> np.ndarray:
     thinker = replace(planner, posterior=Posterior(rule, lambda value: value.sigmoid()))
-    monkeypatch.setattr(loading, "load_planner", lambda model: thinker)
+    monkeypatch.setattr(load, "load_planner", lambda model: thinker)
     main(["demo", "--object", "household_carton", "--seed", "1", "--out", str(out)])
     return np.asarray(Image.open(out))
 

@@ -16,10 +16,10 @@ from bayesgrasp.observation.depth_files import write_depth_png
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
-from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, MetricConfig, MetricRatio
+from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, SuccessRatio, SuccessRatioConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.types import GraspType
-from bayesgrasp.workflows.loading import canonical_view, success_probability, trained_prior
+from bayesgrasp.workflows.load import canonical_view, success_probability, trained_prior
 
 
 def untrained(kind: type, config: object) -> torch.nn.Module:
@@ -147,7 +147,10 @@ def test_success_probability_of_both_kinds_of_model() -> None:
     torch.testing.assert_close(success_probability(alone)(values), torch.tensor([0.5, 0.0, 1.0]))
     tempered = GraspModel(alone.estimators, {"power": {"success": 0.5}})
     torch.testing.assert_close(success_probability(tempered)(values), torch.tensor([0.25, 0.0, 1.0]))
-    parts = {"image": untrained(ImageRatio, ImageConfig()), "metric": untrained(MetricRatio, MetricConfig())}
+    parts = {
+        "image": untrained(ImageRatio, ImageConfig()),
+        "success_ratio": untrained(SuccessRatio, SuccessRatioConfig()),
+    }
     factorised = GraspModel(parts, {"success_rate": 0.01})
     torch.testing.assert_close(success_probability(factorised)(values), torch.tensor([0.005, 0.0, 1.0]))
 

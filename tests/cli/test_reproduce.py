@@ -45,7 +45,7 @@ def test_another_experiment_is_refused(tmp_path: Path) -> None:
 def test_the_full_experiment_is_the_papers() -> None:
     """All rows of the table, 1000 attempts each, and never a look at the unseen objects before the benchmark."""
     full = SCALES["full"]
-    assert set(full.estimators) >= {"metric", "success", "full"}
+    assert set(full.estimators) >= {"success_ratio", "success", "full"}
     assert full.scenes == 1000
     assert full.split == "train"
     assert {"train", "unseen"} <= set(full.judged)

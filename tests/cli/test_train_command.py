@@ -15,7 +15,7 @@ from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.types import Hands
 
 OPTIONS = ["--epochs", "1", "--batch-size", "8", "--preset", "paper"]
-PARTS = ["--estimators", "metric", "image"]
+PARTS = ["--estimators", "success_ratio", "image"]
 
 
 @pytest.fixture(scope="module")

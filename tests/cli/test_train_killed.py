@@ -31,5 +31,5 @@ def test_a_killed_run_ends_with_the_weights_of_an_undisturbed_one(tmp_path: Path
     make(tmp_path / "data")
     train(tmp_path / "data", tmp_path / "whole", 0)
     assert f"killed {KILLS} times" in train(tmp_path / "data", tmp_path / "killed", KILLS)
-    for name in ("metric.safetensors", "image.safetensors"):
+    for name in ("success_ratio.safetensors", "image.safetensors"):
         assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()

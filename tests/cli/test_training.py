@@ -14,7 +14,8 @@ from bayesgrasp.errors import DataError
 from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.generation.run import Run, open_store
-from bayesgrasp.training.presets import Role, Setup, preset
+from bayesgrasp.ratio.model import Role
+from bayesgrasp.training.presets import Setup, preset
 
 BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
 CONFIG = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
@@ -47,7 +48,7 @@ def batches(base: GraspDataset, practice: list[GraspDataset], role: Role) -> int
 
 
 def test_the_ratio_of_success_alone_learns_from_attempts(base: GraspDataset) -> None:
-    (part,) = preset("best", Setup(), ("metric",))
+    (part,) = preset("best", Setup(), ("success_ratio",))
     training, held_out = sources_by_part(base, (), 4, 0)(part)
     assert isinstance(training, RefreshedAttempts)
     assert isinstance(held_out, RefreshedAttempts)

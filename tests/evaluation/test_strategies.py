@@ -50,7 +50,7 @@ class Full(nn.Module):
 
 @pytest.fixture(scope="module")
 def model() -> GraspModel:
-    estimators = {"metric": Metric(), "success": Success(), "full": Full()}
+    estimators = {"success_ratio": Metric(), "success": Success(), "full": Full()}
     return GraspModel(estimators, {"objects": ["household_carton"]})
 
 
@@ -93,10 +93,10 @@ def test_only_the_map_minds_the_prior_of_rotations(model: GraspModel, scenes: Sc
 
 
 def test_missing_estimators_are_named() -> None:
-    assert missing("map_full", ("metric", "success")) == "the model has no full-observation estimator"
+    assert missing("map_full", ("success_ratio", "success")) == "the model has no full-observation estimator"
     assert missing("mle_metric", ("success",)) is not None
-    assert missing("map_image", ("metric",)) is not None
-    assert missing("map_image", ("metric", "image")) is None
+    assert missing("map_image", ("success_ratio",)) is not None
+    assert missing("map_image", ("success_ratio", "image")) is None
     assert missing("plan", ("success",)) is None
     assert missing("top_down", ()) is None
 

@@ -12,7 +12,7 @@ from bayesgrasp.posterior.potential import posterior_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, weigh
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows.loading import DEFAULT_MODEL
+from bayesgrasp.workflows.load import DEFAULT_MODEL
 
 
 @pytest.fixture(scope="module")

@@ -11,22 +11,28 @@ import torch
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
-from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig, ObjectState, in_object_frame
+from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, ObjectState, SuccessRatioConfig, in_object_frame
 from bayesgrasp.ratio.evidence import View, canonical_view, sample
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig, HandFeatures
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig
-from bayesgrasp.ratio.model import GraspModel, LogRatio
+from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.types import Hands
 
 MakeBatch = Callable[..., Batch]
+LogRatio = Callable[[Hands], torch.Tensor]
 MakeHands = Callable[..., Hands]
 
 
 @pytest.fixture(scope="module")
 def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
     config = ImageConfig(encoder=encoder, widths=(16, 16))
-    configs = {"metric": MetricConfig(), "image": config, "joint": config, "full": FullConfig(objects=3, octaves=2)}
+    configs = {
+        "success_ratio": SuccessRatioConfig(),
+        "image": config,
+        "joint": config,
+        "full": FullConfig(objects=3, octaves=2),
+    }
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         estimators = {role: build(role, value) for role, value in configs.items()} | {"success": build("local", local)}
@@ -35,18 +41,19 @@ def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
 
 def every_ratio(model: GraspModel, image: torch.Tensor) -> dict[str, LogRatio]:
     paper, joint = (
-        GraspModel({role: model.estimators[role] for role in roles}, {}) for roles in (("metric", "image"), ("joint",))
+        GraspModel({role: model.estimators[role] for role in roles}, {})
+        for roles in (("success_ratio", "image"), ("joint",))
     )
     return {
         "success": model.given_image(image),
         "factorised": paper.given_image(image),
         "joint": joint.given_image(image),
-        "metric": model.given_success(),
+        "success_ratio": model.given_success(),
         "full": model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8),
     }
 
 
-NAMES = ["success", "factorised", "joint", "metric", "full"]
+NAMES = ["success", "factorised", "joint", "success_ratio", "full"]
 
 
 @pytest.fixture(autouse=True)
@@ -204,10 +211,10 @@ def test_configurations_survive_json(kind: str) -> None:
 
 def test_wrong_configurations_are_refused() -> None:
     with pytest.raises(InvalidConfigurationError, match="widths"):
-        MetricConfig(widths=())
+        SuccessRatioConfig(widths=())
     with pytest.raises(InvalidConfigurationError, match="low < high"):
         HandConfig(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0))
     with pytest.raises(InvalidConfigurationError, match="choose from"):
-        build("transformer", MetricConfig())
+        build("transformer", SuccessRatioConfig())
     with pytest.raises(InvalidConfigurationError, match="needs a ImageConfig"):
-        build("image", MetricConfig())
+        build("image", SuccessRatioConfig())

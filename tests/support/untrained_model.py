@@ -10,8 +10,8 @@ from bayesgrasp.ratio.estimators import (
     FullSuccess,
     GlobalSuccess,
     ImageConfig,
-    MetricConfig,
-    MetricRatio,
+    SuccessRatio,
+    SuccessRatioConfig,
 )
 from bayesgrasp.ratio.layers import ConvConfig
 
@@ -19,11 +19,11 @@ OBJECTS = ("household_carton", "household_tea_box")
 
 
 def save_untrained(directory: Path) -> Path:
-    """Write metric, success and full estimators for two household objects."""
+    """Write success_ratio, success and full estimators for two household objects."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
         estimators = {
-            "metric": MetricRatio(MetricConfig(widths=(16,))),
+            "success_ratio": SuccessRatio(SuccessRatioConfig(widths=(16,))),
             "success": GlobalSuccess(ImageConfig(encoder=ConvConfig((160, 256), (4, 8), 8), widths=(16,))),
             "full": FullSuccess(FullConfig(objects=len(OBJECTS), widths=(16,))),
         }

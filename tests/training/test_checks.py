@@ -12,9 +12,9 @@ from bayesgrasp.training.objectives import (
     FullObjective,
     ImageObjective,
     JointObjective,
-    MetricObjective,
     Objective,
     SuccessObjective,
+    SuccessRatioObjective,
 )
 from bayesgrasp.types import Hands
 
@@ -63,7 +63,7 @@ class Exact(nn.Module):
         return self.value(first, hands.position[..., 0], success) + self.error
 
     def value(self, first: object, x: Tensor, success: Tensor | None) -> Tensor:
-        if self.role == "metric":
+        if self.role == "success_ratio":
             assert isinstance(first, Tensor)
             return torch.where(first == 1, given_hand(x) / RATE, (1 - given_hand(x)) / (1 - RATE)).log()
         if self.role == "full":
@@ -79,7 +79,7 @@ class Exact(nn.Module):
 
 
 OBJECTIVES: dict[str, Objective] = {
-    "metric": MetricObjective(),
+    "success_ratio": SuccessRatioObjective(),
     "image": ImageObjective(shifts=20),
     "joint": JointObjective(shifts=20),
     "success": SuccessObjective(),

@@ -15,8 +15,8 @@ from bayesgrasp.training.objectives import (
     ImageObjective,
     SuccessObjective,
     image_samples,
-    metric_samples,
     shifted,
+    success_ratio_samples,
     successes,
 )
 from bayesgrasp.types import Hands
@@ -87,9 +87,9 @@ def test_image_pairs_are_weighted_by_both_sides(batch: MakeBatch, rng: torch.Gen
     assert samples.marginal_weight.tolist() == [[15.0, 0.0], [5.0, 10.0]]
 
 
-def test_metric_samples_are_balanced_in_success(batch: MakeBatch) -> None:
+def test_success_ratio_samples_are_balanced_in_success(batch: MakeBatch) -> None:
     two = labelled(batch(1, 4, 0), [[1, 0, 0, 0]], [[1.0, 1.0, 2.0, 4.0]])
-    samples = metric_samples(lambda success, hands: success, two)
+    samples = success_ratio_samples(lambda success, hands: success, two)
     expected = torch.tensor([[0.0, 1 / 7, 2 / 7, 4 / 7], [1.0, 0.0, 0.0, 0.0]])
     torch.testing.assert_close(samples.joint_weight, expected)
     torch.testing.assert_close(samples.marginal_weight, torch.tensor([[1.0, 1, 2, 4]]).expand(2, 4) / 8)
@@ -97,7 +97,7 @@ def test_metric_samples_are_balanced_in_success(batch: MakeBatch) -> None:
 
 def test_a_batch_without_successes_says_nothing_about_them(batch: MakeBatch) -> None:
     none = labelled(batch(1, 3, 0), [[0, 0, 0]], [[1.0, 1.0, 1.0]])
-    samples = metric_samples(lambda success, hands: success, none)
+    samples = success_ratio_samples(lambda success, hands: success, none)
     assert samples.joint_weight[1].sum() == 0
     assert samples.marginal_weight[1].sum() == 0
 

@@ -10,11 +10,11 @@ from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError, DataError, InvalidConfigurationError
-from bayesgrasp.ratio.estimators import ImageConfig, MetricConfig
+from bayesgrasp.ratio.estimators import ImageConfig, SuccessRatioConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.training.objectives import ImageObjective, MetricObjective
+from bayesgrasp.training.objectives import ImageObjective, SuccessRatioObjective
 from bayesgrasp.training.train_estimator import (
     Progress,
     Result,
@@ -95,11 +95,13 @@ def test_a_damaged_state_is_refused(make: Build, source: Source, tmp_path: Path,
 
 def test_it_learns_that_success_depends_on_the_height(source: Source) -> None:
     schedule = TrainConfig(epochs=30, learning_rate=1e-2, average=0.9)
-    result = train(lambda: build("metric", MetricConfig()), MetricObjective(), source, source, schedule)
+    result = train(
+        lambda: build("success_ratio", SuccessRatioConfig()), SuccessRatioObjective(), source, source, schedule
+    )
     assert result.validation[-1] < 0.9 * result.validation[0]
     assert result.stopped == "epochs"
     low, high = (Hands(torch.tensor([0.0, 0.0, z]), torch.eye(3), torch.tensor(0)) for z in (0.15, 0.31))
-    ratio = GraspModel({"metric": result.estimator}, {}).given_success()
+    ratio = GraspModel({"success_ratio": result.estimator}, {}).given_success()
     assert ratio(high) - ratio(low) > 1
 
 

@@ -69,7 +69,7 @@ def benchmark(
     from bayesgrasp.evaluation.tables import markdown, summarize
     from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.ratio.checkpoint import read_card
-    from bayesgrasp.workflows.loading import DEFAULT_MODEL
+    from bayesgrasp.workflows.load import DEFAULT_MODEL
 
     _check_outputs(json, out, resume, failures)
     directory = DEFAULT_MODEL if model is None else model
@@ -125,7 +125,7 @@ class LoadModel:
         """Load them."""
         from bayesgrasp.evaluation.runner import Contestants
         from bayesgrasp.ratio.checkpoint import load_model
-        from bayesgrasp.workflows.loading import load_planner
+        from bayesgrasp.workflows.load import load_planner
 
         return Contestants(load_model(self.directory), load_planner(self.directory))
 

@@ -47,7 +47,7 @@ def demo(
     from bayesgrasp.lift.lift_test import LiftTest
     from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.types import Outcome
-    from bayesgrasp.workflows.loading import load_planner
+    from bayesgrasp.workflows.load import load_planner
 
     _check(out)
     planner = load_planner(model)

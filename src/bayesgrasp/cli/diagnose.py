@@ -57,7 +57,7 @@ def diagnose(
     from bayesgrasp.geometry.grasp_space import GraspSpace
     from bayesgrasp.ratio.checkpoint import load_model
     from bayesgrasp.seeding import generator
-    from bayesgrasp.workflows.loading import DEFAULT_MODEL, trained_prior
+    from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
 
     if (data is None) == (fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
@@ -100,7 +100,7 @@ def _reliability(model: GraspModel, tried: Iterator[Tried]) -> Reliability:
     import torch
 
     from bayesgrasp.diagnostics.reliability import reliability
-    from bayesgrasp.workflows.loading import success_probability
+    from bayesgrasp.workflows.load import success_probability
 
     probability_of, parts = success_probability(model), []
     for some in tried:

@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bayesgrasp.cli.scales import Estimator, Scale
+from bayesgrasp.cli.scales import Scale
+from bayesgrasp.ratio.model import Role
 
 if TYPE_CHECKING:
     from bayesgrasp.evaluation.report import Section
@@ -98,7 +99,7 @@ class Experiment:
         one = self.scale.rounds[number - 1]
         practised = [self._practice(n + 1) for n in range(number)]
         before = self._latest(one.estimator, number)
-        epochs: dict[str, int] = {one.estimator: one.epochs}
+        epochs: dict[Role, int] = {one.estimator: one.epochs}
         self._fit(self._model(number), (one.estimator,), epochs, one.learning_rate, practised, before)
 
     def join(self) -> None:
@@ -113,7 +114,7 @@ class Experiment:
     def _practice(self, number: int) -> Path:
         return self.out / f"practice-{number}"
 
-    def _latest(self, estimator: Estimator, number: int) -> Path:
+    def _latest(self, estimator: Role, number: int) -> Path:
         """The model with the last version of an estimator before a round."""
         earlier = [n + 1 for n in range(number - 1) if self.scale.rounds[n].estimator == estimator]
         return self._model(max(earlier, default=0))
@@ -121,8 +122,8 @@ class Experiment:
     def _fit(
         self,
         out: Path,
-        estimators: tuple[Estimator, ...],
-        epochs: Mapping[str, int],
+        estimators: tuple[Role, ...],
+        epochs: Mapping[Role, int],
         learning_rate: float,
         practised: Sequence[Path] = (),
         start: Path | None = None,
@@ -134,7 +135,7 @@ class Experiment:
         from bayesgrasp.training.presets import preset
         from bayesgrasp.training.train_estimator import TrainConfig
         from bayesgrasp.training.train_model import fit
-        from bayesgrasp.workflows.loading import trained_prior
+        from bayesgrasp.workflows.load import trained_prior
 
         dataset = GraspDataset(self.out / "data")
         schedule = TrainConfig(learning_rate=learning_rate, patience=5, seed=self.seed)
@@ -192,7 +193,7 @@ class Experiment:
         from bayesgrasp.evaluation.figures import plot_prior
         from bayesgrasp.ratio.checkpoint import read_card
         from bayesgrasp.seeding import generator
-        from bayesgrasp.workflows.loading import trained_prior
+        from bayesgrasp.workflows.load import trained_prior
 
         plot_prior(trained_prior(read_card(self.out / "model")), self.out / "prior.png", generator(self.seed))
         demo(self.scale.demo, self.seed + 1, self.out / "demo.png", self.out / "model", self.ycb_dir)

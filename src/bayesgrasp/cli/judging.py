@@ -71,7 +71,7 @@ class _Judge:
 
     def __init__(self, court: Court, truths: Truths) -> None:
         from bayesgrasp.ratio.checkpoint import load_model
-        from bayesgrasp.workflows.loading import trained_prior
+        from bayesgrasp.workflows.load import trained_prior
 
         self.court, self.truths = court, truths
         self.models = [load_model(directory) for directory in court.models]

@@ -36,7 +36,7 @@ def plan(
     """
     from bayesgrasp.geometry.camera import Camera
     from bayesgrasp.observation.depth_files import read_depth
-    from bayesgrasp.workflows.loading import load_planner
+    from bayesgrasp.workflows.load import load_planner
 
     _check_outputs(json, figure)
     view = Camera.load(camera)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Estimator = Literal["metric", "image", "joint", "success", "full"]
+from bayesgrasp.ratio.model import Role
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class Scale:
     attempts_per_draw: int
     scenes_per_draw: int
     preset: Literal["paper", "best"]
-    estimators: tuple[Estimator, ...]
-    epochs: dict[str, int]
+    estimators: tuple[Role, ...]
+    epochs: dict[Role, int]
     batch_size: int
     learning_rate: float
     truths: int
@@ -69,8 +69,8 @@ SCALES: dict[str, Scale] = {
         attempts_per_draw=64,
         scenes_per_draw=2,
         preset="best",
-        estimators=("metric", "success", "full"),
-        epochs={"metric": 200, "success": 3, "full": 30},
+        estimators=("success_ratio", "success", "full"),
+        epochs={"success_ratio": 200, "success": 3, "full": 30},
         batch_size=8,
         learning_rate=2e-3,
         truths=60,
@@ -85,8 +85,8 @@ SCALES: dict[str, Scale] = {
         attempts_per_draw=256,
         scenes_per_draw=8,
         preset="best",
-        estimators=("metric", "success", "full"),
-        epochs={"metric": 20, "success": 20, "full": 60},
+        estimators=("success_ratio", "success", "full"),
+        epochs={"success_ratio": 20, "success": 20, "full": 60},
         batch_size=16,
         learning_rate=1e-3,
         truths=1000,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from bayesgrasp.ratio.model import Role
+
 
 def train(
     data: Path,
     out: Path,
     preset: Literal["paper", "best"] = "best",
-    estimators: tuple[Literal["metric", "image", "joint", "success", "full"], ...] = (),
+    estimators: tuple[Role, ...] = (),
     epochs: int = 20,
     batch_size: int = 16,
     learning_rate: float = 1e-3,
@@ -34,7 +36,8 @@ def train(
         data: Directory of a data set, from `bayesgrasp generate`.
         out: Directory of the model.
         preset: paper (the two networks of the paper) or best (success from local evidence).
-        estimators: Which estimators; by default metric and image for paper, metric and success for best.
+        estimators: Which estimators; by default success_ratio and image for paper, success_ratio and
+            success for best.
         epochs: Passes over the training scenes, at most.
         batch_size: Scenes in a batch.
         learning_rate: Peak of the schedule.
@@ -58,7 +61,7 @@ def train(
     from bayesgrasp.training.presets import preset as parts_of
     from bayesgrasp.training.train_estimator import TrainConfig
     from bayesgrasp.training.train_model import fit
-    from bayesgrasp.workflows.loading import trained_prior
+    from bayesgrasp.workflows.load import trained_prior
 
     if threads is not None:
         torch.set_num_threads(threads)

@@ -30,11 +30,11 @@ def sources_by_part(
         seed: Of the orders and of the refreshed poses.
     """
     from bayesgrasp.data.attempts import refreshed_attempts
-    from bayesgrasp.training.objectives import FullObjective, MetricObjective, SuccessObjective
+    from bayesgrasp.training.objectives import FullObjective, SuccessObjective, SuccessRatioObjective
     from bayesgrasp.training.train_model import sources, with_practice
 
     def choose(part: Part) -> Sources:
-        if isinstance(part.objective, MetricObjective):
+        if isinstance(part.objective, SuccessRatioObjective):
             return refreshed_attempts(dataset, planar_refresh(dataset), seed=seed)
         base = sources(dataset, batch_size, seed)
         if isinstance(part.objective, FullObjective):
@@ -55,7 +55,7 @@ def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
     from bayesgrasp.prior.scene import ScenePrior
     from bayesgrasp.robot.arm import ur5
     from bayesgrasp.robot.motion import MotionConfig
-    from bayesgrasp.workflows.loading import trained_prior
+    from bayesgrasp.workflows.load import trained_prior
 
     config = dataset.manifest.config
     scene: dict[str, Any] = {

@@ -69,7 +69,7 @@ def transfer(
     from bayesgrasp.evaluation.tables import summarize
     from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.ratio.checkpoint import read_card
-    from bayesgrasp.workflows.loading import DEFAULT_MODEL
+    from bayesgrasp.workflows.load import DEFAULT_MODEL
 
     directory = DEFAULT_MODEL if model is None else model
     card = read_card(directory)

@@ -78,8 +78,8 @@ class SearchConfig:
 
 def missing(name: str, roles: Sequence[str]) -> str | None:
     """What a model with these estimators lacks for a strategy, in words; None where nothing."""
-    if name in METRIC and "metric" not in roles:
-        return "the model has no metric estimator, p(S=1 | h)"
+    if name in METRIC and "success_ratio" not in roles:
+        return "the model has no success_ratio estimator, r(S=1 | h)"
     if (name in IMAGE or name == "plan") and route_given_image(roles) is None:
         return "the model has no estimator of p(S=1, i | h)"
     if name in FULL and "full" not in roles:

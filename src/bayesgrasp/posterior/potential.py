@@ -4,7 +4,7 @@ Any log-ratio and any prior will do: both are protocols. Terms left out give the
 
     posterior         -log r(S=1, i | h) - log p(h)      p(h | S=1, i), MAP
     likelihood        -log r(S=1, i | h)                 p(S=1, i | h), MLE
-    metric            the same two with r(S=1 | h)       no image
+    success ratio     the same two with r(S=1 | h)       no image
     full observation  the same two with r(S=1, O, p_O, beta, friction | h)
     prior             -log p(h)
 

@@ -106,6 +106,11 @@ def load_model(directory: Path, *, gripper: str = GRIPPER, camera: Camera | None
     """
     card = read_card(directory)
     check_card(card, directory, gripper, canonical_camera() if camera is None else camera)
+    if unknown := [role for role in card["estimators"] if role not in ROLES]:
+        raise CheckpointError(
+            f"the model {directory} has estimators of unknown roles: {', '.join(unknown)}; this version knows "
+            f"{', '.join(ROLES)}: train the model again"
+        )
     estimators: dict[str, nn.Module] = {}
     for role, entry in card["estimators"].items():
         estimators[role] = _load_estimator(directory / f"{role}.safetensors", entry)

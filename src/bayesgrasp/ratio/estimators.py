@@ -1,10 +1,10 @@
 """The ratio estimators of the paper (section 3.1), and p(S = 1 | i, h) on the same image encoder.
 
-    metric   f(S, h)                    log r(S | h), d_phi: two fully connected layers
-    image    f(i, h)                    log r(i | S=1, h), d_theta: encoder, then two fully connected layers
-    joint    f(S, i, h)                 log r(S, i | h) as one network: the ablation that the paper argues against
-    success  f(i, h)                    logit of p(S=1 | i, h), whose posterior is the same (`docs/method.md`)
-    full     f(O, p_O, beta, mu, h)     logit of p(S=1 | O, p_O, beta, mu, h), the ideal rows of the paper's table
+    success_ratio  f(S, h)                  log r(S | h), d_phi: two fully connected layers
+    image          f(i, h)                  log r(i | S=1, h), d_theta: encoder, then two fully connected layers
+    joint          f(S, i, h)               log r(S, i | h) as one network: the ablation that the paper argues against
+    success        f(i, h)                  logit of p(S=1 | i, h), whose posterior is the same (`docs/method.md`)
+    full           f(O, p_O, beta, mu, h)   logit of p(S=1 | O, p_O, beta, mu, h), the ideal rows of the paper's table
 
 `local.py` has a second architecture for ``success``. An image estimator is used in two steps, so that one encoding
 serves thousands of hands: ``context = estimator.encode(images)``, ``estimator(context, hands)``.
@@ -23,8 +23,8 @@ from bayesgrasp.types import Hands
 
 
 @dataclass(frozen=True)
-class MetricConfig:
-    """Configuration of `MetricRatio`.
+class SuccessRatioConfig:
+    """Configuration of `SuccessRatio`.
 
     Attributes:
         hand: The hand as a vector.
@@ -40,10 +40,10 @@ class MetricConfig:
         check_head(self.widths, self.activation)
 
 
-class MetricRatio(nn.Module):
+class SuccessRatio(nn.Module):
     """d_phi: log r(S | h) = log p(S | h) - log p(S)."""
 
-    def __init__(self, config: MetricConfig) -> None:
+    def __init__(self, config: SuccessRatioConfig) -> None:
         super().__init__()
         self.config = config
         self.features = HandFeatures(config.hand)

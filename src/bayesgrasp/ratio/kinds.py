@@ -19,8 +19,8 @@ from bayesgrasp.ratio.estimators import (
     ImageConfig,
     ImageRatio,
     JointRatio,
-    MetricConfig,
-    MetricRatio,
+    SuccessRatio,
+    SuccessRatioConfig,
 )
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 
@@ -39,7 +39,7 @@ class Kind:
 
 
 KINDS: dict[str, Kind] = {
-    "metric": Kind(MetricConfig, MetricRatio),
+    "success_ratio": Kind(SuccessRatioConfig, SuccessRatio),
     "image": Kind(ImageConfig, ImageRatio),
     "joint": Kind(ImageConfig, JointRatio),
     "full": Kind(FullConfig, FullSuccess),

@@ -1,10 +1,10 @@
 """A trained model: the estimators of one preset, and the log-ratios they make for one image.
 
-    success     a log p(S=1 | i, h)                         = log r(S=1, i | h) + a constant in h   (a: `power.py`)
-    image       log r(i | S=1, h) + log r(S=1 | h)          = log r(S=1, i | h)    (paper, eq. 4)
-    joint       log r(S=1, i | h) by one network: the ablation
-    metric      log r(S=1 | h), no image
-    full        log p(S=1 | O, p_O, beta, mu, h)            = log r(S=1, O, p_O, beta, mu | h) + a constant in h
+    success         a log p(S=1 | i, h)                     = log r(S=1, i | h) + a constant in h   (a: `power.py`)
+    image           log r(i | S=1, h) + log r(S=1 | h)      = log r(S=1, i | h)    (paper, eq. 4)
+    joint           log r(S=1, i | h) by one network: the ablation
+    success_ratio   log r(S=1 | h), no image
+    full            log p(S=1 | O, p_O, beta, mu, h)        = log r(S=1, O, p_O, beta, mu | h) + a constant in h
 
 Each is a callable on hands of any batch shape, differentiable in position and rotation.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -24,8 +24,10 @@ from bayesgrasp.errors import CheckpointError
 from bayesgrasp.ratio.estimators import ObjectState
 from bayesgrasp.types import Hands
 
-ROLES = ("metric", "image", "joint", "success", "full")
-IMAGE_ROUTES = (("success",), ("image", "metric"), ("joint",))
+Role = Literal["success_ratio", "image", "joint", "success", "full"]
+"""What an estimator is for."""
+ROLES: tuple[Role, ...] = get_args(Role)
+IMAGE_ROUTES = (("success",), ("image", "success_ratio"), ("joint",))
 """Estimators that make log r(S=1, i | h), the preferred ones first."""
 POWER = "power"
 """Entry of a card: by role, the power of the ratio at which its posterior is calibrated (`power.py`)."""
@@ -54,13 +56,13 @@ class FactorisedRatio:
     """log r(i | S=1, h) + log r(S=1 | h) for one image."""
 
     image: nn.Module
-    metric: nn.Module
+    success_ratio: nn.Module
     context: Any
 
     def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log r(S=1, i | h)."""
         row = as_row(hands)
-        value: Tensor = self.image(self.context, row) + self.metric(torch.ones_like(row.position[..., 0]), row)
+        value: Tensor = self.image(self.context, row) + self.success_ratio(torch.ones_like(row.position[..., 0]), row)
         return value.reshape(hands.shape)
 
 
@@ -79,7 +81,7 @@ class JointGivenImage:
 
 
 @dataclass(frozen=True)
-class MetricOnly:
+class SuccessRatioOnly:
     """log r(S=1 | h)."""
 
     estimator: nn.Module
@@ -106,9 +108,6 @@ class SuccessGivenObject:
         friction = torch.full_like(row.position[..., 0], self.friction)
         value = self.estimator(ObjectState(self.index, self.scale, self.pose, friction), row)
         return F.logsigmoid(value).reshape(hands.shape)
-
-
-LogRatio = SuccessGivenImage | FactorisedRatio | JointGivenImage | MetricOnly | SuccessGivenObject
 
 
 @dataclass(frozen=True)
@@ -144,11 +143,11 @@ class GraspModel:
             return SuccessGivenImage(self.estimators["success"], self._encode("success", image), self.power)
         if route == ("joint",):
             return JointGivenImage(self.estimators["joint"], self._encode("joint", image))
-        return FactorisedRatio(self._role("image"), self._role("metric"), self._encode("image", image))
+        return FactorisedRatio(self._role("image"), self._role("success_ratio"), self._encode("image", image))
 
-    def given_success(self) -> MetricOnly:
+    def given_success(self) -> SuccessRatioOnly:
         """Log r(S=1 | h)."""
-        return MetricOnly(self._role("metric"))
+        return SuccessRatioOnly(self._role("success_ratio"))
 
     def given_object(
         self, index: int, scale: float, pose: tuple[float, float, float], friction: float

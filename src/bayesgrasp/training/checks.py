@@ -21,7 +21,13 @@ from torch import Tensor, nn
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.seeding import torch_generator
 from bayesgrasp.training.losses import imbalance, success_loss, weighted_mean
-from bayesgrasp.training.objectives import MetricObjective, Objective, RatioObjective, RatioSamples, SuccessObjective
+from bayesgrasp.training.objectives import (
+    Objective,
+    RatioObjective,
+    RatioSamples,
+    SuccessObjective,
+    SuccessRatioObjective,
+)
 
 
 def check(estimator: nn.Module, objective: Objective, batches: Iterable[Batch], seed: int = 0) -> dict[str, float]:
@@ -52,7 +58,7 @@ def _ratio_checks(
         torch.cat([getattr(part, name).double().flatten() for part in parts])
         for name in ("joint", "joint_weight", "marginal", "marginal_weight")
     )
-    sure = [_success_row(part) for part in parts] if isinstance(objective, MetricObjective) else None
+    sure = [_success_row(part) for part in parts] if isinstance(objective, SuccessRatioObjective) else None
     values, weight = (marginal, marginal_weight) if sure is None else map(torch.cat, zip(*sure, strict=True))
     return {
         "balance": float(imbalance(joint, joint_weight, marginal, marginal_weight)),

@@ -116,12 +116,12 @@ class RatioObjective:
 
 
 @dataclass(frozen=True)
-class MetricObjective(RatioObjective):
+class SuccessRatioObjective(RatioObjective):
     """d_phi: (S, h) from the joint distribution against p(S) p(h), S balanced in both."""
 
     def samples(self, estimator: Any, batch: Batch, rng: torch.Generator) -> RatioSamples:
-        """Rows S = 0 and S = 1 of `MetricRatio`."""
-        return metric_samples(estimator, batch)
+        """Rows S = 0 and S = 1 of `SuccessRatio`."""
+        return success_ratio_samples(estimator, batch)
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class JointObjective(RatioObjective):
         return RatioSamples(joint, batch.weight, marginal, weight * others[1])
 
 
-def metric_samples(estimator: Any, batch: Batch) -> RatioSamples:
+def success_ratio_samples(estimator: Any, batch: Batch) -> RatioSamples:
     """Rows S = 0 and S = 1: d_phi on p(h | S) and on p(h), each class of S with total weight 1."""
     hands = Hands(*(x.flatten(0, 1) for x in (batch.hands.position, batch.hands.rotation, batch.hands.grasp_type)))
     success, weight = batch.success.flatten(), batch.weight.flatten()

@@ -12,25 +12,25 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, MetricConfig
+from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, SuccessRatioConfig
 from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig, Window
+from bayesgrasp.ratio.model import Role
 from bayesgrasp.training.losses import LossConfig
 from bayesgrasp.training.objectives import (
     FullObjective,
     ImageObjective,
     JointObjective,
-    MetricObjective,
     Objective,
     SuccessObjective,
+    SuccessRatioObjective,
 )
 from bayesgrasp.training.train_estimator import TrainConfig
 
 PresetName = Literal["paper", "best"]
-Role = Literal["metric", "image", "joint", "success", "full"]
 
-DEFAULT_ROLES: dict[str, tuple[Role, ...]] = {"paper": ("metric", "image"), "best": ("metric", "success")}
+DEFAULT_ROLES: dict[str, tuple[Role, ...]] = {"paper": ("success_ratio", "image"), "best": ("success_ratio", "success")}
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,9 @@ def preset(
     criterion, train = criterion or LossConfig(), train or TrainConfig()
     # Without convolutions bfloat16 saves nothing, and rounds the place of a hand to a millimetre.
     fast = replace(train, learning_rate=2 * train.learning_rate, bf16=False)
-    metric = replace(fast, mirror=0.5, weight_decay=0.1)
+    # r(S | h) sees few successes and could learn them by heart.
+    held_back = replace(fast, mirror=0.5, weight_decay=0.1)
+    ratio = SuccessRatioConfig(setup.hand(1))
     image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)), activation="relu")
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
@@ -107,7 +109,7 @@ def preset(
         success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects, octaves=2, modulated=True)
     parts = {
-        "metric": Part("metric", "metric", MetricConfig(setup.hand(1)), MetricObjective(criterion), metric),
+        "success_ratio": Part("success_ratio", "success_ratio", ratio, SuccessRatioObjective(criterion), held_back),
         "image": Part("image", "image", image, ImageObjective(criterion), train),
         "joint": Part("joint", "joint", image, JointObjective(criterion), train),
         "success": success,
