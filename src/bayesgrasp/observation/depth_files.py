@@ -7,21 +7,29 @@ Depth files are 16-bit PNG (millimetres, as Kinect drivers and most data sets wr
 
 from __future__ import annotations
 
-import zipfile
+import io
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float32, Float64, Shaped
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
-from bayesgrasp.errors import DepthImageError
+from bayesgrasp.errors import DepthImageError, FileError, shown
+from bayesgrasp.files import MIB, read_bytes, write_bytes
+from bayesgrasp.observation.stored_arrays import npy_array, npz_array, png_array
 
 Unit = Literal["auto", "m", "mm"]
 SUFFIXES = (".png", ".npy", ".npz")
+NAME = "depth"
+"""The array that is read from a .npz file of several."""
+LARGEST = 512 * MIB
+"""Bytes of a depth file: the largest image in numbers of 64 bits, and room to spare."""
 METRES = {"m": 1.0, "mm": 1e-3}
 CLOSEST, FARTHEST = 0.05, 20.0
 """Plausible medians of the returned depths, metres."""
+BEYOND = 1e3
+"""No depth camera measures this far, metres: such a pixel is somebody's mark for a missing return."""
 SMALLEST_SIDE = 16
 """Anything smaller is not an image of a scene, pixels."""
 
@@ -42,9 +50,9 @@ def read_depth(path: Path | str, unit: Unit = "auto", nan_is_hole: bool = False)
         DepthImageError: The file cannot be read, has the wrong shape or type, holds NaN, infinite or negative numbers
             or no depth at all, or its depths are not plausible in the stated unit or in any unit.
     """
-    path = Path(path)
+    stored = _stored_array(Path(path))
     try:
-        return checked_depth(_stored_array(path), unit, nan_is_hole)
+        return checked_depth(stored, unit, nan_is_hole)
     except DepthImageError as error:
         raise DepthImageError(f"{path}: {error}") from error
 
@@ -56,14 +64,19 @@ def checked_depth(
     if unit not in ("auto", "m", "mm"):
         raise DepthImageError(f"unknown unit {unit!r}; valid: auto, m, mm")
     if stored.dtype.kind not in "uif":
-        raise DepthImageError(f"depths must be integers or floating-point numbers, got {stored.dtype}")
+        raise DepthImageError(f"depths must be integers or floating-point numbers, got {shown(stored.dtype)}")
     if stored.dtype.itemsize == 1:
         raise DepthImageError("8-bit numbers cannot hold depths; this looks like a picture of a depth image")
     depth = _one_channel(stored).astype(np.float64)
     if nan_is_hole:
         depth = np.where(np.isfinite(depth), depth, 0.0)
     _check_values(depth)
-    return (depth * METRES[_told_unit(depth, unit)]).astype(np.float32)
+    metres = depth * METRES[_told_unit(depth, unit)]
+    if (marked := int((metres > BEYOND).sum())) > 0:
+        raise DepthImageError(
+            f"{marked} of {depth.size} pixels are further than {BEYOND:g} m; a pixel without return is 0"
+        )
+    return metres.astype(np.float32)
 
 
 def write_depth_png(path: Path | str, depth: Float32[np.ndarray, "h w"]) -> None:
@@ -75,47 +88,25 @@ def write_depth_png(path: Path | str, depth: Float32[np.ndarray, "h w"]) -> None
     millimetres = np.rint(depth.astype(np.float64) * 1e3)
     if not ((millimetres >= 0) & (millimetres <= np.iinfo(np.uint16).max)).all():
         raise DepthImageError(f"depths must be from 0 to 65.535 m to be written to {path}, in millimetres of 16 bits")
-    Image.fromarray(millimetres.astype(np.uint16)).save(path, format="PNG")
+    content = io.BytesIO()
+    Image.fromarray(millimetres.astype(np.uint16)).save(content, format="PNG")
+    write_bytes(path, content.getvalue())
 
 
 def _stored_array(path: Path) -> Shaped[np.ndarray, "..."]:
-    if path.suffix.lower() not in SUFFIXES:
-        raise DepthImageError(f"depth files end in {', '.join(SUFFIXES)}")
+    kind = path.suffix.lower()
+    if kind not in SUFFIXES:
+        raise DepthImageError(f"{path}: depth files end in {', '.join(SUFFIXES)}")
     try:
-        return _png(path) if path.suffix.lower() == ".png" else _numpy(path)
-    except DepthImageError:
-        raise
-    except OSError as error:
-        raise DepthImageError(f"cannot be read: {error.strerror or error}") from error
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise DepthImageError(f"is damaged, or not a {path.suffix} file of numbers: {error}") from error
-
-
-def _png(path: Path) -> Shaped[np.ndarray, "..."]:
+        content = read_bytes(path, LARGEST)
+    except FileError as error:
+        raise DepthImageError(f"depth image: {error}") from error
     try:
-        with Image.open(path) as image:
-            if image.mode not in ("I;16", "I;16B"):
-                raise DepthImageError(f"a depth PNG has one channel of 16 bits, this one has mode {image.mode}")
-            return np.array(image)
-    except UnidentifiedImageError as error:
-        raise DepthImageError("is not a PNG file") from error
-    except SyntaxError as error:  # what Pillow raises for a broken chunk
-        raise DepthImageError(f"is a damaged PNG file: {error}") from error
-
-
-def _numpy(path: Path) -> Shaped[np.ndarray, "..."]:
-    content = np.load(path, allow_pickle=False)
-    if isinstance(content, np.ndarray):
-        return content
-    with content:
-        names = content.files
-        name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
-        if name is None:
-            raise DepthImageError(
-                f"holds the arrays {', '.join(names) or '(none)'}; one array, or one named `depth`, is valid"
-            )
-        depth: Shaped[np.ndarray, "..."] = content[name]
-        return depth
+        if kind == ".png":
+            return png_array(content)
+        return npy_array(content) if kind == ".npy" else npz_array(content, NAME)
+    except DepthImageError as error:
+        raise DepthImageError(f"{path} {error}") from error
 
 
 def _one_channel(stored: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, "h w"]:
