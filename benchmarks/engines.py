@@ -26,13 +26,12 @@ from PIL import Image
 from bayesgrasp.diagnostics.agreement import cohens_kappa, confusion
 from bayesgrasp.diagnostics.intervals import paired_difference, wilson
 from bayesgrasp.errors import DataError
-from bayesgrasp.generation.pool import InProcess, LocalPool
-from bayesgrasp.generation.trials import CHUNK, Priors, draw_attempts
+from bayesgrasp.generation.pool import processes
+from bayesgrasp.generation.trials import CHUNK, Simulation
 from bayesgrasp.lift.lift_config import EngineName, LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.seeding import generator
 from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import film_attempt
 from bayesgrasp.viewer.raycast import contact_sheet
@@ -101,7 +100,7 @@ class Comparison:
 
     def attempts(self, number: int) -> Attempts:
         """The attempts of a chunk."""
-        return draw_attempts(CHUNK, len(self.objects), Priors(), generator(self.seed, number))
+        return Simulation(self.objects, self.seed).attempts(range(number * CHUNK, (number + 1) * CHUNK))
 
 
 def main(options: Options) -> None:
@@ -132,9 +131,8 @@ def judged(comparison: Comparison, options: Options) -> Iterator[Chunk]:
     numbers = range(-(-options.attempts // CHUNK))
     with opened(options, comparison) as (kept, keep):
         todo = [number for number in numbers if number not in kept]
-        pool = InProcess() if options.workers == 1 else LocalPool(options.workers)
         if todo:
-            with pool.start(comparison) as work:
+            with processes(options.workers).start(comparison) as work:
                 for done, chunk in enumerate(work(todo), start=1):
                     keep(chunk)
                     kept[chunk.number] = chunk

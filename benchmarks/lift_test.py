@@ -19,12 +19,11 @@ import mujoco
 import numpy as np
 
 from bayesgrasp.diagnostics.intervals import wilson
-from bayesgrasp.generation.trials import CHUNK, Priors, Trials, draw_attempts, simulate
+from bayesgrasp.generation.trials import CHUNK, Simulation, Trials
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.seeding import generator
 from bayesgrasp.types import Outcome
 
 
@@ -75,14 +74,9 @@ def rate(
 ) -> tuple[float, Trials]:
     """Attempts per second of wall-clock time, after the first chunk of every worker (which compiles models)."""
     marks: list[tuple[float, int]] = []
-    trials = simulate(
-        objects,
-        attempts + 2 * workers * CHUNK,
-        seed,
-        workers,
-        config=config,
-        screening=screening,
-        progress=lambda part: marks.append((perf_counter(), len(part.outcomes))),
+    simulation = Simulation(objects, seed, config=config, screening=screening)
+    trials = simulation.run(
+        attempts + 2 * workers * CHUNK, workers, lambda part: marks.append((perf_counter(), len(part.outcomes)))
     )
     warm = 2 * workers
     done = sum(count for _, count in marks[warm:])
@@ -106,7 +100,7 @@ def engines(objects: tuple[ObjectAsset, ...], attempts: int, seed: int) -> dict[
 
 def physics_cost(objects: tuple[ObjectAsset, ...], seed: int, config: LiftTestConfig) -> tuple[float, float]:
     """Steps per second of processor time while hands close on objects and lift them, and its seconds per attempt."""
-    attempts = draw_attempts(1000, len(objects), Priors(), generator(seed, 10**6))
+    attempts = Simulation(objects, seed, number=1).attempts(range(1000))
     outcomes = LiftTest(objects).run(attempts)
     touched = np.flatnonzero((outcomes == Outcome.SUCCESS) | (outcomes == Outcome.DROPPED))[:30]
     lift_test = LiftTest(objects, config)

@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
-from bayesgrasp.generation.trials import simulate
+from bayesgrasp.generation.trials import Simulation
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
@@ -32,7 +32,7 @@ def main() -> None:
     outcomes, seconds = {}, {}
     for screening in (True, False):
         start = perf_counter()
-        trials = simulate(objects, options.attempts, options.seed, options.workers, screening=screening)
+        trials = Simulation(objects, options.seed, screening=screening).run(options.attempts, options.workers)
         seconds[screening] = perf_counter() - start
         outcomes[screening] = trials.outcomes
     differ = np.flatnonzero(outcomes[True] != outcomes[False])

@@ -9,7 +9,7 @@ from PIL import Image
 
 from bayesgrasp.cli.main import main
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.generation.trials import CHUNK, Priors, simulate
+from bayesgrasp.generation.trials import CHUNK, Simulation
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
@@ -43,12 +43,12 @@ def test_json_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_same_seed_same_result_for_any_number_of_workers() -> None:
     objects = load_objects(["household_ball", "household_tea_box"])
-    alone = simulate(objects, CHUNK + 50, seed=5, workers=1)
-    together = simulate(objects, CHUNK + 50, seed=5, workers=2)
+    alone = Simulation(objects, seed=5).run(CHUNK + 50, workers=1)
+    together = Simulation(objects, seed=5).run(CHUNK + 50, workers=2)
     np.testing.assert_array_equal(alone.outcomes, together.outcomes)
     for name, column in alone.attempts.columns().items():
         np.testing.assert_array_equal(column, together.attempts.columns()[name], err_msg=name)
-    other = simulate(objects, 50, seed=6)
+    other = Simulation(objects, seed=6).run(50)
     assert not np.array_equal(other.attempts.position, alone.attempts.position[:50])
 
 
@@ -63,9 +63,9 @@ def test_wrong_input_is_one_clear_error(capsys: pytest.CaptureFixture[str], tmp_
 
 def test_simulation_needs_something_to_do() -> None:
     with pytest.raises(InvalidConfigurationError, match="at least one"):
-        simulate((), 10, 0)
+        Simulation((), 0).run(10)
     with pytest.raises(InvalidConfigurationError, match="at least one"):
-        simulate(load_objects(["household_ball"]), 10, 0, workers=0, priors=Priors())
+        Simulation(load_objects(["household_ball"]), 0).run(10, workers=0)
 
 
 def test_the_engine_and_the_criterion_can_be_chosen(tmp_path: Path) -> None:

@@ -51,6 +51,12 @@ def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
     wait_for(lambda: not any(map(alive, fake_tasks.workers(tmp_path))))
 
 
+def test_a_worker_that_dies_while_it_hands_over_its_result_loses_nothing(tmp_path: Path) -> None:
+    with LocalPool(1).start(fake_tasks.Squares(tmp_path, torn=5)) as run:
+        assert sorted(run(range(8))) == [n**2 for n in range(8)]
+    assert (tmp_path / "killed").exists()
+
+
 def test_a_task_that_always_kills_is_given_up(tmp_path: Path) -> None:
     pool = LocalPool(1, attempts=2)
     with pool.start(fake_tasks.Squares(tmp_path, 5, True)) as run, pytest.raises(DataError, match="lost its worker"):

@@ -5,6 +5,7 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from bayesgrasp.errors import DataError
@@ -19,12 +20,14 @@ class Squares:
         deadly: This number kills its worker: once, or always.
         always: Whether it does so every time.
         endless: This number is never done; a flag file says that it was begun.
+        torn: This number kills its worker in the middle of handing over its square, once.
     """
 
     flags: Path
     deadly: int = -1
     always: bool = False
     endless: int = -1
+    torn: int = -1
 
     def __call__(self) -> Callable[[int], int]:
         (self.flags / f"worker-{os.getpid()}").touch()
@@ -40,7 +43,16 @@ class Squares:
         while number == self.endless:
             (self.flags / "endless").touch()
             time.sleep(0.01)
+        if number == self.torn and not flag.exists():
+            flag.touch()
+            Connection._send = _send_half  # type: ignore[attr-defined]
         return number**2
+
+
+def _send_half(connection: Connection, message: bytes) -> None:
+    """Write the first half of a message and die."""
+    os.write(connection.fileno(), message[: len(message) // 2])
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def workers(flags: Path) -> list[int]:

@@ -56,7 +56,7 @@ def diagnose(
     from bayesgrasp.errors import InvalidConfigurationError
     from bayesgrasp.geometry.grasp_space import GraspSpace
     from bayesgrasp.ratio.checkpoint import load_model
-    from bayesgrasp.seeding import generator
+    from bayesgrasp.seeding import Stream, generator
     from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
 
     if (data is None) == (fresh is None):
@@ -66,7 +66,7 @@ def diagnose(
     found, tried = _evidence(data, fresh, truths, seed, split, ycb_dir, workers)
     judged, values = judge_all(court, found, workers)
     reliable = _reliability(first, tried)
-    rng = generator(seed, 1)
+    rng = generator(seed, Stream.REFERENCE)
     references = trained_prior(first.card).sample(len(judged), rng)
     result = report(found.hands, judged, references, GraspSpace().distance, rng, reliable, _spread(values))
     content = result.to_dict()
@@ -87,10 +87,10 @@ def _evidence(
 ) -> tuple[Truths, Iterator[Tried]]:
     from bayesgrasp.cli import truths as source
     from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.seeding import generator
+    from bayesgrasp.seeding import Stream, generator
 
     if data is not None:
-        return source.stored(GraspDataset(data), "test", truths, generator(seed, 0))
+        return source.stored(GraspDataset(data), "test", truths, generator(seed, Stream.DIAGNOSED_PAIR))
     return source.fresh(split, ycb_dir, fresh or 0, seed, workers)
 
 

@@ -192,10 +192,14 @@ class Experiment:
         from bayesgrasp.cli.demo import demo
         from bayesgrasp.evaluation.figures import plot_prior
         from bayesgrasp.ratio.checkpoint import read_card
-        from bayesgrasp.seeding import generator
+        from bayesgrasp.seeding import Stream, generator
         from bayesgrasp.workflows.load import trained_prior
 
-        plot_prior(trained_prior(read_card(self.out / "model")), self.out / "prior.png", generator(self.seed))
+        plot_prior(
+            trained_prior(read_card(self.out / "model")),
+            self.out / "prior.png",
+            generator(self.seed, Stream.PRIOR_FIGURE),
+        )
         demo(self.scale.demo, self.seed + 1, self.out / "demo.png", self.out / "model", self.ycb_dir)
 
     def report(self) -> None:

@@ -81,11 +81,11 @@ class _Judge:
         import torch
 
         from bayesgrasp.diagnostics.posterior_report import Observation, judge
-        from bayesgrasp.seeding import generator, torch_generator
+        from bayesgrasp.seeding import Stream, generator, torch_generator
 
         image, truth = self.truths.images[row], self.truths.hands[row]
         ratios = [model.given_image(image) for model in self.models]
-        tried = self.prior.sample(self.court.proposals, generator(self.court.seed, 2, row))
+        tried = self.prior.sample(self.court.proposals, generator(self.court.seed, Stream.DIAGNOSED_PRIOR, row))
 
         def log_posterior(hands: Hands) -> Tensor:
             return ratios[0](hands) + self.prior.log_prob(hands)
@@ -93,7 +93,7 @@ class _Judge:
         observation = Observation(truth, log_posterior, tried, self.prior.log_prob(tried))
         with torch.no_grad():
             values = [ratio(truth).item() for ratio in ratios]
-        return judge(observation, DRAWS, torch_generator(self.court.seed, 3, row)), values
+        return judge(observation, DRAWS, torch_generator(self.court.seed, Stream.DIAGNOSED_RANK, row)), values
 
 
 _judge: list[_Judge] = []

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from bayesgrasp.ratio.model import GraspModel
     from bayesgrasp.types import Hands
 
-COPIES = 7
-"""Random stream of the stretched copies: ``generator(seed, COPIES)``."""
-
 
 def practice(
     model: Path,
@@ -66,7 +63,7 @@ def practice(
     from bayesgrasp.objects.catalogue import load_objects
     from bayesgrasp.objects.stretch import StretchConfig, with_copies
     from bayesgrasp.prior.scene import ScenePrior
-    from bayesgrasp.seeding import generator
+    from bayesgrasp.seeding import Stream, generator
 
     if scenes < 1 or tries < 3:
         raise InvalidConfigurationError(f"practice needs at least 1 scene and 3 tries, got {scenes} and {tries}")
@@ -77,7 +74,7 @@ def practice(
         draws_per_chunk=32,
         pairing=PairingConfig(hands=tries),
     )
-    objects = with_copies(load_objects(split, ycb_dir), StretchConfig(copies, stretch), generator(seed, COPIES))
+    objects = with_copies(load_objects(split, ycb_dir), StretchConfig(copies, stretch), generator(seed, Stream.COPIES))
     world = SimulatedWorld(objects)
     scene = ScenePrior(len(world.objects))
     manifest = describe(world, config, seed, scene, scenes * tries)

@@ -53,14 +53,14 @@ def render(
     from bayesgrasp.geometry.camera import Camera, canonical_camera
     from bayesgrasp.geometry.camera_nuisances import disturbed_camera
     from bayesgrasp.objects.catalogue import load_objects
-    from bayesgrasp.seeding import generator
+    from bayesgrasp.seeding import Stream, generator
 
     scene = _scene(pose, scale)
     if (object is None) == (mesh is None):
         raise AssetError("name either one object, or a file: `--object ID`, or `--mesh FILE --mass KG`")
     nominal = canonical_camera() if camera is None else Camera.load(camera)
     asset = load_objects([object] if object is not None else (), ycb_dir, mesh, mass)[0]
-    rng = generator(seed)
+    rng = generator(seed, Stream.RENDERED_NOISE)
     nuisance = _drawn(nominal, seed) if disturb else None
     sensor = DepthSensor([asset], nominal)
     clean, noisy = sensor.render_clean(scene, nuisance)[0], sensor.render(scene, nuisance, rng)[0]
@@ -87,10 +87,10 @@ def _scene(pose: tuple[float, float, float], scale: float) -> Scenes:
 
 def _drawn(nominal: Camera, seed: int) -> CameraNuisances:
     from bayesgrasp.prior.nuisance import CameraPrior
-    from bayesgrasp.seeding import generator
+    from bayesgrasp.seeding import Stream, generator
 
     x, y, z = nominal.pose[:3, 3].tolist()
-    return CameraPrior(position=(x, y, z)).sample(1, generator(seed, 1))
+    return CameraPrior(position=(x, y, z)).sample(1, generator(seed, Stream.RENDERED_CAMERA))
 
 
 def _write(

@@ -47,8 +47,7 @@ def simulate(
         json: Write the counts to this file.
         video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
     """
-    from bayesgrasp.generation.trials import Priors
-    from bayesgrasp.generation.trials import simulate as run
+    from bayesgrasp.generation.trials import Priors, Simulation
     from bayesgrasp.lift.bullet.client import require
     from bayesgrasp.lift.lift_config import LiftTestConfig
     from bayesgrasp.objects.catalogue import load_objects
@@ -62,7 +61,7 @@ def simulate(
     priors = replace(Priors(), grasp=GraspPrior(rotation=rotation))
     start = perf_counter()
     with _progress(attempts) as advance:
-        trials = run(objects, attempts, seed, workers, priors, config, screening, advance)
+        trials = Simulation(objects, seed, priors, config, screening).run(attempts, workers, advance)
     summary = summarize(trials, objects, perf_counter() - start)
     _print_table(summary)
     if json is not None:

@@ -19,11 +19,11 @@ import torch
 from jaxtyping import Int64
 
 from bayesgrasp.data.cache import Columns
-from bayesgrasp.data.loader import SHUFFLE, GraspDataset, Split, attempt_batch, in_split
+from bayesgrasp.data.loader import GraspDataset, Split, attempt_batch, in_split
 from bayesgrasp.data.schema import AttemptRecords, Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.prior.planar_symmetry import PlanarRefresh
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Outcome
 
 HELD_OUT_POSES = 4
@@ -99,7 +99,7 @@ class RefreshedAttempts:
 
     def __call__(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
-        rng = generator(self.seed, SHUFFLE, epoch)
+        rng = generator(self.seed, Stream.REFRESH, epoch)
         successes, others = self.rows
         few, many = self.config.successes, self.config.batch_size - self.config.successes
         chosen = _in_turns(successes, len(self) * few, rng), _in_turns(others, len(self) * many, rng)

@@ -26,13 +26,11 @@ from bayesgrasp.data.shards import HAND, hands_of, read_table, scenes_of
 from bayesgrasp.data.store import Manifest, Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.geometry import so3
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
 
 Split = Literal["train", "validation", "test", "all"]
 CYCLE, VALIDATION, TEST = 20, 0, 1
-SHUFFLE = 5
-"""Random stream of the order of batches: ``generator(seed, SHUFFLE, epoch)``."""
 BLOCK, WINDOW = 1024, 64
 """Attempts are shuffled as blocks of rows, and again inside windows of blocks: memory does not grow with the set."""
 
@@ -146,7 +144,7 @@ class SceneLoader:
         """The batches of an epoch."""
         order = self.rows
         if self.shuffle:
-            order = generator(self.seed, SHUFFLE, epoch).permutation(self.rows)
+            order = generator(self.seed, Stream.SCENE_ORDER, epoch).permutation(self.rows)
         for start in range(0, len(order), self.batch_size):
             yield self.batch(order[start : start + self.batch_size])
 
@@ -181,7 +179,7 @@ class AttemptLoader:
 
     def __call__(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
-        rng = generator(self.seed, SHUFFLE, epoch)
+        rng = generator(self.seed, Stream.ATTEMPT_ORDER, epoch)
         total = len(self.columns["draw"])
         starts = np.arange(0, total, BLOCK)
         if self.shuffle:

@@ -12,6 +12,7 @@ from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import IMAGE_SHAPE, Batch
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import CameraNuisances, GraspType, Hands
 
 ZOOM = 2
@@ -26,7 +27,7 @@ def draw_sheet(dataset: GraspDataset, columns: int = 4, rows: int = 4, most: int
     A hand is a line along its approach that ends at the palm, and a bar along its closing direction ahead of the palm,
     where the fingers meet the object; red basic, green wide, blue pinch. It is seen by the camera of its image.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed, Stream.SHEET)
     successful = (dataset.scene_columns["hand_outcome"] == 4).any(axis=1)
     candidates = np.flatnonzero(successful)
     chosen = np.sort(rng.permutation(candidates)[: columns * rows])

@@ -1,6 +1,6 @@
 """Every strategy in every scene, judged by the lift test, on any number of processes, with the same result for any.
 
-The search of scene i starts from the stream at path (i, 1) below the seed, whatever the strategy: all strategies of a
+The search of scene i has one random stream, whatever the strategy: all strategies of a
 scene meet the same object, frictions, image and draws from the prior, so their differences are differences of paired
 attempts. The lift test uses the scene's own nuisances, which no strategy but the full-observation ones (friction) sees.
 
@@ -11,12 +11,9 @@ not change need not search again: given the results without the shift, their han
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
-
-import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.baselines.force_closure import ForceClosure
@@ -34,17 +31,14 @@ from bayesgrasp.evaluation.strategies import (
     planned,
     replans,
 )
-from bayesgrasp.generation.pool import InProcess, LocalPool, MapTasks
+from bayesgrasp.generation.pool import processes
 from bayesgrasp.generation.provenance import object_hash
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.planning.planner import Planner
 from bayesgrasp.ratio.model import GraspModel
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, Outcome
-
-SEARCH = 1
-"""Random stream of the strategies of scene i: ``generator(seed, i, SEARCH)``."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +161,7 @@ def run(
     unshifted = {result.number: result for result in known}
     todo = [Task(number, unshifted.get(number)) for number in range(attempts) if number not in results]
     if todo:
-        with _started(benchmark, min(workers, len(todo))) as work:
+        with processes(min(workers, len(todo))).start(benchmark) as work:
             for result in work(todo):
                 results[result.number] = result
                 if journal is not None:
@@ -213,7 +207,7 @@ class _Worker:
         return SceneResult(task.number, situation.asset.id, object_pose=situation.pose, trials=trials, **scene)
 
     def _trial(self, choose: Choose, situation: Situation) -> Trial:
-        rng = generator(self.benchmark.seed, situation.number, SEARCH)
+        rng = generator(self.benchmark.seed, Stream.BENCHMARK_SEARCH, situation.number)
         started = time.perf_counter()
         hands = choose(situation, rng)
         seconds = time.perf_counter() - started
@@ -235,23 +229,6 @@ class _Worker:
         position, quaternion = (tuple(map(float, row[0])) for row in (attempts.position, attempts.quaternion))
         held = bool(verdicts.held[0])
         return Trial(outcome, seconds, held, position, quaternion, int(attempts.grasp_type[0]))
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Torch on one thread, as in a worker process: sums of another number of threads differ in their last bits."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
-@contextmanager
-def _started(benchmark: Benchmark, workers: int) -> Iterator[MapTasks[Task, SceneResult]]:
-    with _one_thread(), (InProcess() if workers == 1 else LocalPool(workers)).start(benchmark) as work:
-        yield work
 
 
 def _tell(progress: Callable[[SceneResult], None] | None, result: SceneResult) -> None:

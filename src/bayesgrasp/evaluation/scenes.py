@@ -1,6 +1,6 @@
 """What every strategy faces: scene i with its nuisances and its depth image, the same for all of them.
 
-Scene i uses the random stream at path (i,) below the seed and nothing else. Objects take turns, so that each has the
+Scene i uses a random stream of its own below the seed and nothing else. Objects take turns, so that each has the
 same number of scenes (to one): under the paper's uniform prior of meshes that is the same expectation as drawing them,
 with less variance. Scale, pose, frictions, mass, camera and sensor noise are drawn from their priors (section 4.1). A
 shift (`shifts`) is applied to what was drawn.
@@ -23,7 +23,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, Hands, Nuisances, Scenes
 
 
@@ -98,7 +98,7 @@ class SceneMaker:
 
     def __call__(self, number: int) -> Situation:
         """Scene i."""
-        rng = generator(self.seed, number)
+        rng = generator(self.seed, Stream.BENCHMARK_SCENE, number)
         index = number % len(self.objects)
         drawn = replace(self.priors.scene, num_objects=len(self.objects), weights=None).sample(1, rng)
         scene = self.shift.scenes(replace(drawn, object_index=np.array([index], dtype=np.int32)))

@@ -114,8 +114,7 @@ def planned(planner: Planner) -> Choose:
     """The deployed planner's first grasp; None where it declines to grasp."""
 
     def choose(situation: Situation, rng: np.random.Generator) -> Hands | None:
-        seed = int(rng.integers(2**31))
-        return first_grasp(planner.plan(situation.depth, canonical_camera(), top=1, seed=seed))
+        return first_grasp(planner.plan(situation.depth, canonical_camera(), top=1, seed=rng))
 
     return choose
 

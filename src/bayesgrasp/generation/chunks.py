@@ -36,12 +36,8 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.planar_symmetry import PlanarRefresh, Reachable
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, CameraNuisances, Scenes
-
-DATA, ATTEMPT, SCENE, SENSOR, PROPOSAL = 4, 0, 1, 2, 3
-"""Random streams: ``generator(seed, DATA, ATTEMPT, chunk, draw)`` and so on."""
-
 
 Render = Callable[[Scenes, CameraNuisances, np.random.Generator], Float32[np.ndarray, "n 160 256"]]
 """The sensor generative model, preprocessed: noisy depth of n scenes in metres, 0 = no return."""
@@ -154,7 +150,7 @@ class ChunkMaker:
         return AttemptRecords.cat([self._draw(chunk, draw, proposal) for draw in draws])[:rows]
 
     def _draw(self, chunk: int, draw: int, proposal: Proposal) -> AttemptRecords:
-        rng = generator(self.seed, DATA, ATTEMPT, chunk, draw)
+        rng = generator(self.seed, Stream.ATTEMPT, chunk, draw)
         size = self.config.attempts_per_draw
         index = int(rng.choice(self.scene.num_objects, p=proposal.objects))
         scale = self.scene.sample(1, rng).scale
@@ -189,7 +185,7 @@ class ChunkMaker:
     def _scenes(self, chunk: int, attempts: AttemptRecords) -> tuple[SceneRecords, HandRecords]:
         scenes, cameras, hands = [], [], []
         for draw in np.unique(attempts.draw):
-            rng = generator(self.seed, DATA, SCENE, chunk, int(draw) % self.config.draws_per_chunk)
+            rng = generator(self.seed, Stream.SCENE, chunk, int(draw) % self.config.draws_per_chunk)
             members = attempts[attempts.draw == draw]
             poses = self.scene.sample_pose(self.config.scenes_per_draw, rng)
             cameras.append(self.config.camera.sample(len(poses), rng))
@@ -204,7 +200,7 @@ class ChunkMaker:
         )
 
     def _records(self, scenes: Scenes, camera: CameraNuisances, draws: np.ndarray, chunk: int) -> SceneRecords:
-        rng = generator(self.seed, DATA, SENSOR, chunk)
+        rng = generator(self.seed, Stream.SENSOR, chunk)
         image = np.zeros((0, *IMAGE_SHAPE), np.float32)
         if len(scenes):
             image = self.world.render(scenes, camera, rng)

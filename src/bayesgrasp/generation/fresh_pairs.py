@@ -15,16 +15,16 @@ from jaxtyping import Float32
 
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.generation.trials import Trials, simulate
+from bayesgrasp.generation.trials import Simulation, Trials
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.nuisance import CameraPrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, Outcome, Scenes
 
-FRESH = 8
-"""Random streams below the seed: ``(FRESH, 0, round)`` for attempts, ``(FRESH, 1)`` for what is shown of them."""
 RATE = 0.008
 """Successes per attempt that a round of simulations counts on."""
+LEAST = 1000
+"""Attempts of a round, at least."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def fresh_pairs(
             f"need at least one success and no negative number, got {successes}, {failures}"
         )
     trials = _until(objects, successes, seed, workers, progress)
-    rng = generator(seed, FRESH, 1)
+    rng = generator(seed, Stream.FRESH_PAIR)
     success = trials.outcomes == Outcome.SUCCESS
     failed = np.flatnonzero(~success)
     shown = rng.choice(failed, min(failures, len(failed)), replace=False)
@@ -93,8 +93,8 @@ def _until(
     parts: list[Trials] = []
     found = 0
     while found < successes:
-        count = max(workers * 250, round((successes - found) / RATE))
-        stream = int(generator(seed, FRESH, 0, len(parts)).integers(2**62))
-        parts.append(simulate(objects, count, stream, workers, progress=progress))
+        count = max(LEAST, round((successes - found) / RATE))
+        simulation = Simulation(tuple(objects), seed, stream=Stream.FRESH_TRIAL, number=len(parts))
+        parts.append(simulation.run(count, workers, progress))
         found += parts[-1].successes
-    return Trials(Attempts.cat([p.attempts for p in parts]), np.concatenate([p.outcomes for p in parts]))
+    return Trials.cat(parts)

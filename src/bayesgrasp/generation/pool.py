@@ -5,13 +5,15 @@ Each worker talks to the owner through a pipe of its own and holds no other end 
 worker whose owner is killed leaves at once, in the middle of its task. `concurrent.futures` gives up in the first case
 and leaves orphans in the second.
 
-Results come back as they are ready. Nothing may depend on their order.
+Results come back as they are ready. Nothing may depend on their order. Torch has one thread wherever work is done, as
+sums of another number of threads differ in their last bits.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections import deque
@@ -48,8 +50,13 @@ class InProcess:
     @contextmanager
     def start(self, build: Callable[[], Work[Task, Result]]) -> Iterator[MapTasks[Task, Result]]:
         """See `Executor`."""
-        work = build()
-        yield lambda tasks: map(work, tasks)
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            work = build()
+            yield lambda tasks: map(work, tasks)
+        finally:
+            torch.set_num_threads(threads)
 
 
 @dataclass(frozen=True)
@@ -76,10 +83,15 @@ class LocalPool:
         """See `Executor`. ``build`` and what it closes over must be picklable."""
         crew = [_Worker(build) for _ in range(self.workers)]
         try:
-            yield lambda tasks: _Shift(crew, self.attempts, iter(tasks)).results()
+            yield lambda tasks: _TaskPass(crew, self.attempts, iter(tasks)).results()
         finally:
             for worker in crew:
                 worker.stop()
+
+
+def processes(workers: int) -> InProcess | LocalPool:
+    """So many processes of this machine; the calling one alone for 1."""
+    return InProcess() if workers == 1 else LocalPool(workers)
 
 
 class _Worker(Generic[Task, Result]):
@@ -114,7 +126,7 @@ class _Worker(Generic[Task, Result]):
 
 
 @dataclass
-class _Shift(Generic[Task, Result]):
+class _TaskPass(Generic[Task, Result]):
     """One pass over the tasks.
 
     Attributes:
@@ -160,11 +172,12 @@ class _Shift(Generic[Task, Result]):
 
     def _receive(self, worker: _Worker[Task, Result]) -> Iterator[Result]:
         try:
-            answer = worker.pipe.recv()
-        except (EOFError, ConnectionResetError):
+            message = worker.pipe.recv_bytes()
+        except (EOFError, OSError):  # OSError: it died while it handed over its result
             self._replace(worker)
             return
         worker.task = None
+        answer = pickle.loads(message)
         if isinstance(answer, BayesgraspError):
             raise answer
         yield answer
@@ -190,22 +203,32 @@ def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:
     """What a worker process does: build once, then answer tasks until the owner is gone."""
     threading.Thread(target=_leave_with_owner, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's to handle
-    torch.set_num_threads(1)
-    work: Work[Any, Any] | None = None
     while True:
         try:
             task = pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):
             return
         try:
-            work = work or build()
-            answer = work(task)
+            answer = built("", build)(task)
         except BayesgraspError as error:
             answer = error
         try:
             pipe.send(answer)
         except (BrokenPipeError, ConnectionResetError):
             return
+
+
+def built(run: str, build: Callable[[], Work[Task, Result]]) -> Work[Task, Result]:
+    """In a worker process: the work of a run, built when it is first asked for and kept for all its tasks."""
+    if run not in _BUILT:
+        torch.set_num_threads(1)
+        _BUILT.clear()
+        _BUILT[run] = build()
+    return _BUILT[run]
+
+
+_BUILT: dict[str, Work[Any, Any]] = {}
+"""The one place for process-wide state."""
 
 
 def _leave_with_owner() -> None:

@@ -27,15 +27,12 @@ from bayesgrasp.data.images import to_units
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
 from bayesgrasp.data.store import Given
-from bayesgrasp.generation.chunks import DATA, GenerateConfig, World
+from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.run import Done, Recipe, Task, finish
 from bayesgrasp.geometry import so3
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, Hands, Scenes
-
-PRACTICE = 6
-"""Random stream: ``generator(seed, DATA, PRACTICE, chunk)``."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +98,14 @@ class PracticeMaker:
 
     def make(self, chunk: int, rows: int) -> Chunk:
         """The first ``rows`` attempts of a chunk, in whole scenes."""
-        rng = generator(self.seed, DATA, PRACTICE, chunk)
+        rng = generator(self.seed, Stream.PRACTICE, chunk)
         count, tries = -(-rows // self.config.attempts_per_draw), self.config.attempts_per_draw
         scenes, cameras = self.scene.sample(count, rng), self.config.camera.sample(count, rng)
         image = self.world.render(scenes, cameras, rng)
-        friction = self.config.nuisance.sample(count, generator(self.seed, DATA, PRACTICE, chunk, 1)).lateral_friction
-        proposed = self.propose(Shown(image, scenes, friction), tries, rng)
+        told = generator(self.seed, Stream.PRACTICE_FRICTION, chunk)
+        friction = self.config.nuisance.sample(count, told).lateral_friction
+        proposing = generator(self.seed, Stream.PRACTICE_HANDS, chunk)
+        proposed = self.propose(Shown(image, scenes, friction), tries, proposing)
         attempts = self._attempts(scenes[np.repeat(np.arange(count), tries)], proposed, rng)
         if self.given == "object":
             attempts = replace(attempts, lateral_friction=np.repeat(friction, tries))

@@ -15,13 +15,9 @@ from itertools import islice
 from typing import Any
 
 import ray
-import torch
 
 from bayesgrasp.errors import BayesgraspError, DataError, InvalidConfigurationError
-from bayesgrasp.generation.pool import MapTasks, Result, Task, Work
-
-_built: dict[str, Work[Any, Any]] = {}
-"""In a worker process: the simulators it has built, by the run they belong to."""
+from bayesgrasp.generation.pool import MapTasks, Result, Task, Work, built
 
 
 @dataclass(frozen=True)
@@ -84,8 +80,4 @@ class RayPool:
 @ray.remote(max_retries=-1, num_cpus=1)
 def _run(key: str, build: Callable[[], Work[Any, Any]], task: Any) -> Any:
     """What a worker process does; Ray runs it again where the process or its node dies."""
-    if key not in _built:
-        torch.set_num_threads(1)
-        _built.clear()
-        _built[key] = build()
-    return _built[key](task)
+    return built(key, build)(task)

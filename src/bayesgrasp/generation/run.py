@@ -19,11 +19,11 @@ from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.data.shards import Chunk, Shard, encode
 from bayesgrasp.data.store import TABLES, Entry, Manifest, Store
 from bayesgrasp.errors import DataError
-from bayesgrasp.generation.chunks import DATA, PROPOSAL, ChunkMaker, GenerateConfig, World
+from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, World
 from bayesgrasp.generation.pool import Executor
 from bayesgrasp.generation.proposal import Proposal, learn
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Outcome
 
 logger = logging.getLogger(__name__)
@@ -191,7 +191,7 @@ class Run:
             return replace(Proposal.prior(objects), objects=self.recipe.scene.probabilities)
         earlier = range(self.recipe.config.adaptive.round_start(number))
         records = AttemptRecords.cat([self.store.attempts(chunk) for chunk in earlier])
-        rng = generator(self.recipe.seed, DATA, PROPOSAL, number)
+        rng = generator(self.recipe.seed, Stream.PROPOSAL, number)
         return learn(records, objects, self.recipe.config.adaptive, rng)
 
     def _keep(self, done: Done) -> None:

@@ -1,13 +1,11 @@
 """Lift tests from the prior, on any number of processes, with the same result for any number.
 
-Attempts are drawn and tested in chunks; chunk c uses the random stream at path (c,) below the seed and nothing else.
+Attempts are drawn and tested in chunks; each chunk has a random stream of its own below the seed.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +13,7 @@ import torch
 from jaxtyping import UInt8
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.generation.pool import Work, processes
 from bayesgrasp.geometry import so3
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
@@ -22,7 +21,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import NuisancePrior
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, Outcome
 
 CHUNK = 250
@@ -49,6 +48,11 @@ class Trials:
         """Number of successful attempts."""
         return int((self.outcomes == Outcome.SUCCESS).sum())
 
+    @staticmethod
+    def cat(parts: Sequence[Trials]) -> Trials:
+        """One after another."""
+        return Trials(Attempts.cat([p.attempts for p in parts]), np.concatenate([p.outcomes for p in parts]))
+
 
 def draw_attempts(n: int, num_objects: int, priors: Priors, rng: np.random.Generator) -> Attempts:
     """Hands, scenes and nuisances from their priors, independently."""
@@ -63,89 +67,63 @@ def draw_attempts(n: int, num_objects: int, priors: Priors, rng: np.random.Gener
     )
 
 
-def simulate(
-    objects: Sequence[ObjectAsset],
-    attempts: int,
-    seed: int,
-    workers: int = 1,
-    priors: Priors | None = None,
-    config: LiftTestConfig | None = None,
-    screening: bool = True,
-    progress: Callable[[Trials], None] | None = None,
-) -> Trials:
-    """Draw attempts from the prior and test them.
+@dataclass(frozen=True)
+class Simulation:
+    """What is tried; picklable.
 
-    Args:
+    Attributes:
         objects: The object set.
-        attempts: How many.
         seed: Of all random numbers.
-        workers: Processes; 1 stays in this one.
         priors: The paper's by default.
         config: Of the lift test.
         screening: Decide certain outcomes without physics.
-        progress: Called with every finished chunk, in order.
-
-    Raises:
-        InvalidConfigurationError: No object, no attempt, or no worker.
+        stream, number: Attempts of chunk c come from the stream at path (``stream``, ``number``, c).
     """
-    if not objects or attempts < 1 or workers < 1:
-        raise InvalidConfigurationError(
-            f"simulation needs at least one object, attempt and worker; got {len(objects)}, {attempts} and {workers}"
-        )
-    job = _Job(tuple(objects), attempts, seed, priors or Priors(), config, screening)
-    parts = []
-    for trials in _chunks(job, workers):
-        parts.append(trials)
-        if progress is not None:
-            progress(trials)
-    return Trials(Attempts.cat([p.attempts for p in parts]), np.concatenate([p.outcomes for p in parts]))
 
-
-@dataclass(frozen=True)
-class _Job:
     objects: tuple[ObjectAsset, ...]
-    attempts: int
     seed: int
-    priors: Priors
-    config: LiftTestConfig | None
-    screening: bool
+    priors: Priors = field(default_factory=Priors)
+    config: LiftTestConfig | None = None
+    screening: bool = True
+    stream: Stream = Stream.TRIAL
+    number: int = 0
 
-    @property
-    def chunks(self) -> range:
-        return range(-(-self.attempts // CHUNK))
+    def start(self) -> Work[range, tuple[int, Trials]]:
+        """The function that tests a chunk, given the numbers of its attempts; called once in each worker."""
+        lift_test = LiftTest(self.objects, self.config, self.screening)
 
+        def work(rows: range) -> tuple[int, Trials]:
+            attempts = self.attempts(rows)
+            return rows.start, Trials(attempts, lift_test.run(attempts))
 
-def _chunks(job: _Job, workers: int) -> Iterator[Trials]:
-    if workers == 1:
-        yield from map(_Worker(job), job.chunks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker, initargs=(job,)) as pool:
-        yield from pool.map(_run_chunk, job.chunks)
+        return work
 
+    def attempts(self, rows: range) -> Attempts:
+        """The attempts with these numbers, from the first of a chunk to at most its last."""
+        rng = generator(self.seed, self.stream, self.number, rows.start // CHUNK)
+        return draw_attempts(len(rows), len(self.objects), self.priors, rng)
 
-class _Worker:
-    """The lift test of one process, and the chunks it runs."""
+    def run(self, attempts: int, workers: int = 1, progress: Callable[[Trials], None] | None = None) -> Trials:
+        """Draw so many attempts and test them, in order.
 
-    def __init__(self, job: _Job) -> None:
-        self.job = job
-        self.lift_test = LiftTest(job.objects, job.config, job.screening)
+        Args:
+            attempts: How many.
+            workers: Processes; 1 stays in this one.
+            progress: Called with every finished chunk, in any order.
 
-    def __call__(self, chunk: int) -> Trials:
-        size = min(CHUNK, self.job.attempts - chunk * CHUNK)
-        rng = generator(self.job.seed, chunk)
-        attempts = draw_attempts(size, len(self.job.objects), self.job.priors, rng)
-        return Trials(attempts, self.lift_test.run(attempts))
-
-
-_worker: list[_Worker] = []
-
-
-def _start_worker(job: _Job) -> None:
-    """A pool's worker keeps its compiled models for all of its chunks: the one place for process-wide state."""
-    torch.set_num_threads(1)
-    _worker.append(_Worker(job))
-
-
-def _run_chunk(chunk: int) -> Trials:
-    return _worker[0](chunk)
+        Raises:
+            InvalidConfigurationError: No object, no attempt, or no worker.
+        """
+        if not self.objects or attempts < 1 or workers < 1:
+            raise InvalidConfigurationError(
+                "simulation needs at least one object, attempt and worker; "
+                f"got {len(self.objects)}, {attempts} and {workers}"
+            )
+        chunks = [range(first, min(first + CHUNK, attempts)) for first in range(0, attempts, CHUNK)]
+        done: dict[int, Trials] = {}
+        with processes(workers).start(self.start) as run:
+            for first, trials in run(chunks):
+                done[first] = trials
+                if progress is not None:
+                    progress(trials)
+        return Trials.cat([done[chunk.start] for chunk in chunks])

@@ -32,6 +32,7 @@ from bayesgrasp.planning.selection import Candidates, Robot, Selection, Selectio
 from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
 from bayesgrasp.posterior.potential import LogDensity, Prior, tempered_potential
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
 
 
@@ -124,7 +125,7 @@ class Planner:
         *,
         top: int = 5,
         samples: int = 0,
-        seed: int = 0,
+        seed: int | np.random.Generator = 0,
     ) -> Plan:
         """Plan grasps for one image.
 
@@ -135,16 +136,17 @@ class Planner:
                 object are found in the image and the world frame is put there.
             top: Number of grasps.
             samples: Number of draws from the posterior; none by default.
-            seed: Of all random draws; the same seed gives the same plan.
+            seed: Of all random draws, or where they come from; the same seed gives the same plan.
 
         Raises:
             DepthImageError: The image or the camera is not usable.
         """
         if top < 1 or samples < 0:
             raise InvalidConfigurationError(f"top must be at least 1 and samples at least 0, got {top} and {samples}")
-        if seed < 0:
+        if not isinstance(seed, np.random.Generator) and seed < 0:
             raise InvalidConfigurationError(f"the seed must be at least 0, got {seed}")
-        return _Planning(self, np.random.default_rng(seed)).run(
+        rng = seed if isinstance(seed, np.random.Generator) else generator(seed, Stream.PLAN)
+        return _Planning(self, rng).run(
             check_depth(depth), to_camera(intrinsics, depth.shape, camera_to_world), top, samples
         )
 

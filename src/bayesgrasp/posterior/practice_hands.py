@@ -7,7 +7,7 @@ import numpy as np
 from bayesgrasp.posterior.ascent import AscentConfig, ascend
 from bayesgrasp.posterior.potential import LogDensity, Prior, posterior_potential
 from bayesgrasp.posterior.sampling import weigh
-from bayesgrasp.seeding import torch_generator
+from bayesgrasp.seeding import torch_child
 from bayesgrasp.types import Hands
 
 STEPS = (3, 10)
@@ -26,8 +26,7 @@ def practice_hands(
         rng: Source of the draws.
         num_draws: Draws from the prior that the posterior is resampled from.
     """
-    seed = int(rng.integers(2**62))
-    drawn = weigh(log_ratio, prior, num_draws, rng).resample(count, torch_generator(seed))
+    drawn = weigh(log_ratio, prior, num_draws, rng).resample(count, torch_child(rng))
     third = count // 3
     potential = posterior_potential(log_ratio, prior)
     parts = [drawn[: count - 2 * third]]

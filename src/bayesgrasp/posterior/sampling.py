@@ -17,6 +17,7 @@ from torch import Tensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.posterior.chain import ChainConfig, run_chains
 from bayesgrasp.posterior.potential import LogDensity, Prior, likelihood_potential, posterior_potential
+from bayesgrasp.seeding import torch_child
 from bayesgrasp.types import Hands
 
 
@@ -129,7 +130,7 @@ def sample_posterior(
     if n < 1:
         raise InvalidConfigurationError(f"the number of posterior samples must be positive, got {n}")
     config = config or SamplerConfig()
-    generator = torch.Generator().manual_seed(int(rng.integers(2**63)))
+    generator = torch_child(rng)
     weighted = weigh(log_ratio, prior, config.num_draws, rng)
     starts = weighted.resample(min(n, config.chains), generator)
     trajectories = -(-n // len(starts.grasp_type))

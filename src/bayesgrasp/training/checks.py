@@ -19,7 +19,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
-from bayesgrasp.seeding import torch_generator
+from bayesgrasp.seeding import Stream, torch_generator
 from bayesgrasp.training.losses import imbalance, success_loss, weighted_mean
 from bayesgrasp.training.objectives import (
     Objective,
@@ -51,7 +51,7 @@ def _ratio_checks(
     estimator: nn.Module, objective: RatioObjective, batches: Iterable[Batch], seed: int
 ) -> dict[str, float]:
     parts = [
-        objective.samples(estimator, batch.to("cpu"), torch_generator(seed, index))
+        objective.samples(estimator, batch.to("cpu"), torch_generator(seed, Stream.CHECK, index))
         for index, batch in enumerate(batches)
     ]
     joint, joint_weight, marginal, marginal_weight = (

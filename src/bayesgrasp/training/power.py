@@ -23,7 +23,7 @@ from torch import nn
 
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 
 LEAST, MOST = 0.1, 5.0
 DRAWS = 2000
@@ -45,9 +45,7 @@ def posterior_power(
         a*, or 1 where no held-out scene has a success of positive weight.
     """
     rows = [
-        row
-        for number, batch in enumerate(batches)
-        for row in _log_ratios(estimator, batch, prior, draws, (seed, number))
+        row for number, batch in enumerate(batches) for row in _log_ratios(estimator, batch, prior, draws, seed, number)
     ]
     if not rows:
         return 1.0
@@ -73,7 +71,7 @@ def fit_power(
 
 
 def _log_ratios(
-    estimator: Any, batch: Batch, prior: GraspPrior, draws: int, stream: tuple[int, int]
+    estimator: Any, batch: Batch, prior: GraspPrior, draws: int, seed: int, number: int
 ) -> list[tuple[Any, ...]]:
     """For each scene with successes: their mean log-ratio, their total weight, log-ratios of draws from the prior."""
     tensors = batch.to("cpu")
@@ -83,7 +81,7 @@ def _log_ratios(
         for scene in np.flatnonzero(counts.sum(-1)):
             context = estimator.encode(tensors.images[scene : scene + 1])
             own = F.logsigmoid(estimator(context, tensors.hands[scene : scene + 1])[0]).double().numpy()
-            tried = prior.sample(draws, generator(*stream, int(scene)))[None]
+            tried = prior.sample(draws, generator(seed, Stream.POWER, number, int(scene)))[None]
             drawn = F.logsigmoid(estimator(context, tried)[0]).double().numpy()
             total = counts[scene].sum()
             found.append(((counts[scene] * own).sum() / total, total, drawn))

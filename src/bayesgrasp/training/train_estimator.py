@@ -24,14 +24,12 @@ from torch import nn
 
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
-from bayesgrasp.seeding import torch_generator
+from bayesgrasp.seeding import Stream, torch_generator
 from bayesgrasp.training.mirror import mirrored_at_random
 from bayesgrasp.training.objectives import Objective
 from bayesgrasp.training.state import TrainingState, load_state, save_state
 
 logger = logging.getLogger(__name__)
-
-VALIDATION_STREAM = 2**31
 
 
 @runtime_checkable
@@ -155,9 +153,9 @@ class _Run:
         rate = learning_rate(count, self.steps * self.config.epochs, self.config)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        batch = mirrored_at_random(batch, self.config.mirror, torch_generator(self.config.seed, 2, count))
+        batch = mirrored_at_random(batch, self.config.mirror, torch_generator(self.config.seed, Stream.MIRROR, count))
         with self.autocast():
-            loss = self.objective(self.estimator, batch, torch_generator(self.config.seed, 1, count))
+            loss = self.objective(self.estimator, batch, torch_generator(self.config.seed, Stream.PAIRING, count))
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(self.estimator.parameters(), self.config.clip)
@@ -171,7 +169,7 @@ class _Run:
         total, count = 0.0, 0
         with torch.no_grad(), self.autocast():
             for batch in source(0):
-                rng = torch_generator(self.config.seed, VALIDATION_STREAM, count)
+                rng = torch_generator(self.config.seed, Stream.VALIDATION, count)
                 total += float(self.objective(self.averaged, batch.to(self.device), rng))
                 count += 1
         if count == 0:
@@ -234,7 +232,7 @@ def learning_rate(count: int, total: int, config: TrainConfig) -> float:
 def initialised(build: Callable[[], nn.Module], seed: int) -> nn.Module:
     """An estimator whose weights depend on the seed alone; the caller's random state is left alone."""
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(torch_generator(seed, 0).initial_seed()) % 2**63)
+        torch.manual_seed(int(torch_generator(seed, Stream.WEIGHTS).initial_seed()) % 2**63)
         return build()
 
 

@@ -21,7 +21,7 @@ from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.model import POWER
 from bayesgrasp.ratio.tensor_file import load_weights
-from bayesgrasp.seeding import generator
+from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.training.checks import check
 from bayesgrasp.training.power import posterior_power
 from bayesgrasp.training.presets import Part
@@ -72,7 +72,7 @@ class Together:
         """The batches of an epoch."""
         turns = np.repeat(np.arange(len(self.parts)), [len(part) for part in self.parts])
         streams = [part(epoch) for part in self.parts]
-        return (next(streams[turn]) for turn in generator(self.seed, epoch).permutation(turns))
+        return (next(streams[turn]) for turn in generator(self.seed, Stream.TURNS, epoch).permutation(turns))
 
 
 def sources(dataset: GraspDataset, batch_size: int, seed: int, objects: int | None = None) -> Sources:
