@@ -23,7 +23,7 @@ from safetensors.torch import load_file, save_file
 import bayesgrasp
 
 Record = dict[str, Any]
-TIMES = ("seconds", "time")
+TIMES = ("seconds", "time", "timings")
 """Numbers under names that contain one of these are times of this run, not results."""
 
 

@@ -25,7 +25,7 @@ from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.depth.stereo import StereoConfig, hole_width, stereo_sigma
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
 from bayesgrasp.objects import household
-from bayesgrasp.observation.canonical_view import MapConfig, height_map, to_canonical_view
+from bayesgrasp.observation.canonical_view import to_canonical_view
 from bayesgrasp.observation.depth_files import read_depth
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.seeding import generator
@@ -63,8 +63,8 @@ def wall_ratio(distance: float, degrees: float, images: int = 24, size: int = 96
     """Measured over published standard deviation on a bare wall."""
     tilt = np.deg2rad(degrees)
     eye = distance * np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    camera = KINECT.cropped(320 - size // 2, 240 - size // 2, size, size)
-    camera = camera.with_pose(look_at(eye, np.zeros(3), up=np.array([0.0, 1.0, 0.0])))
+    pose = look_at(eye, np.zeros(3), up=np.array([0.0, 1.0, 0.0]))
+    camera = Camera(size, size, KINECT.fx, KINECT.fy, (size - 1) / 2, (size - 1) / 2, pose)
     sensor = DepthSensor([plate(0.1, 0.1, 0.0, 0.1)], camera)
     true = sensor.render_clean(scenes(1, 50.0))[0].astype(np.float64)
     rays = camera.rays()
@@ -218,8 +218,8 @@ def draw_real(directory: Path, target: Path) -> dict[str, object]:
     masks = [np.array(Image.open(path)) > 0 for path in sorted(directory.glob("segmask_*.png"))]
     block = DepthSensor([plate(0.03, 0.1, 0.0, 0.025)], camera)
     model = block.render(scenes(1, 0.0, 0.0, 0.6), None, generator(6))[0]
-    figure = Figure(figsize=(14, 8), layout="constrained")
-    axes = figure.subplots(3, 5)
+    figure = Figure(figsize=(14, 5), layout="constrained")
+    axes = figure.subplots(2, 5)
     for i, (image, mask) in enumerate(zip(images[:4], masks[:4], strict=True)):
         v, u = np.argwhere(mask).mean(0).astype(int)
         _show(axes[0, i], image[v - 60 : v + 60, u - 60 : u + 60], f"real {i}")
@@ -228,10 +228,6 @@ def draw_real(directory: Path, target: Path) -> dict[str, object]:
     for i, image in enumerate(images):
         seen = to_canonical_view(image, camera)
         _show(axes[1, i], seen[170:350, 200:440], f"real {i}, canonical camera")
-        height, visible = height_map(image, camera, MapConfig(side=0.24, cells=96))
-        drawn = axes[2, i].imshow(np.where(visible > 0, 1e3 * height, np.nan), cmap="turbo", vmin=-2, vmax=45)
-        axes[2, i].set(facecolor="black", title=f"real {i}, map of heights", xticks=[], yticks=[])
-    figure.colorbar(drawn, ax=axes[2, :], label="mm")
     figure.savefig(target / "real.png", dpi=70)
     return {
         "table": {"real": [_table(i, camera) for i in images], "model": _table(model, camera)},
@@ -241,7 +237,7 @@ def draw_real(directory: Path, target: Path) -> dict[str, object]:
 
 def _table(image: Float[np.ndarray, "h w"], camera: Camera) -> dict[str, float]:
     """Residuals of the bare table around the object, along the ray, after removing what varies over 40 px."""
-    points = camera.rays() * image[..., None] @ camera.pose[:3, :3].T + camera.pose[:3, 3]
+    points = _points(image, camera)
     down = -(camera.rays() @ camera.pose[2, :3])
     bare = (abs(points[..., 2]) < 0.006) & (abs(points[..., :2]) < 0.15).all(axis=-1) & (image > 0)
     residual = np.where(bare, image - camera.pose[2, 3] / down, np.nan)
@@ -257,13 +253,17 @@ def _table(image: Float[np.ndarray, "h w"], camera: Camera) -> dict[str, float]:
     }
 
 
+def _points(image: Float[np.ndarray, "h w"], camera: Camera) -> Float[np.ndarray, "h w 3"]:
+    """World points of all pixels, metres; the camera's own place where there is no return."""
+    points: np.ndarray = camera.rays() * image[..., None] @ camera.pose[:3, :3].T + camera.pose[:3, 3]
+    return points
+
+
 def _placed(image: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], camera: Camera) -> dict[str, float]:
     """Height of a real object above the table (mm), measured in its own image and in the re-projected one."""
-    rows, columns = np.nonzero(mask)
-    own = camera.unproject(np.stack([columns, rows], 1).astype(float), image[rows, columns].astype(float))
-    target, seen = canonical_camera(), to_canonical_view(image, camera)
-    rows, columns = np.nonzero(seen)
-    world = target.unproject(np.stack([columns, rows], 1).astype(float), seen[rows, columns].astype(float))
+    own = _points(image, camera)[mask]
+    seen = to_canonical_view(image, camera)
+    world = _points(seen, canonical_camera())[seen > 0]
     near = world[(abs(world[:, :2]) < 0.12).all(axis=1)]
     return {
         "height_own_mm": 1e3 * float(np.percentile(own[:, 2], 99)),

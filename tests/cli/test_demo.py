@@ -10,7 +10,7 @@ from PIL import Image
 from untrained_model import save_untrained
 
 from bayesgrasp.cli.main import main
-from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.planner import Planner, Posterior
 from bayesgrasp.types import Hands
@@ -19,7 +19,7 @@ from bayesgrasp.workflows import load
 
 def given_image(image: torch.Tensor):
     """A rule of thumb in place of a trained ratio: fingers around the top of what rises above the table."""
-    surface = SurfaceReader(canonical_camera().resized(256, 160)).read(image[0].numpy())
+    surface = SurfaceReader(network_camera()).read(image[0].numpy())
     low, high = (torch.from_numpy(np.percentile(surface.item_points, q, axis=0)).float() for q in (2, 98))
     middle = torch.cat([(low + high)[:2] / 2, high[2:] - 0.04])
 

@@ -11,15 +11,14 @@ from box_scene import Box, box_depth_image
 import bayesgrasp
 from bayesgrasp.cli.main import main
 from bayesgrasp.errors import CheckpointError
-from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.observation.depth_files import write_depth_png
-from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, SuccessRatio, SuccessRatioConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.types import GraspType
-from bayesgrasp.workflows.load import canonical_view, success_probability, trained_prior
+from bayesgrasp.workflows.load import success_probability, trained_prior
 
 
 def untrained(kind: type, config: object) -> torch.nn.Module:
@@ -126,19 +125,6 @@ def test_load_plans_from_arrays_as_the_command_does_from_files(files) -> None:
     for grasp in plan.grasps:
         assert grasp.motion.approach.shape[1] == 6
         np.testing.assert_allclose(grasp.hand_to_world[:3, :3] @ grasp.hand_to_world[:3, :3].T, np.eye(3), atol=1e-5)
-
-
-def test_the_canonical_camera_is_taken_as_it_is_and_another_one_is_reprojected() -> None:
-    view = canonical_view()
-    boxes = (Box(x=0.02, y=0.01),)
-    expected = preprocess(box_depth_image(canonical_camera(), boxes))
-    np.testing.assert_array_equal(view(box_depth_image(canonical_camera(), boxes), canonical_camera()), expected)
-    pose = look_at(np.array([0.35, 0.05, 0.75]), np.array([0.0, 0.0, 0.05]))
-    other = Camera(width=800, height=600, fx=700.0, fy=700.0, cx=399.5, cy=299.5, camera_to_world=pose)
-    seen = view(box_depth_image(other, boxes), other)
-    both = (seen > 0) & (expected > 0)
-    assert both.mean() > 0.95 * (expected > 0).mean()
-    assert np.percentile(np.abs(seen - expected)[both], 95) < 0.003
 
 
 def test_success_probability_of_both_kinds_of_model() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from PIL import Image
+from pixels import seen_points
 
 from bayesgrasp.cli.main import main
 from bayesgrasp.geometry.camera import Camera, canonical_camera
@@ -34,8 +35,7 @@ def test_files_read_back_and_show_the_object(tmp_path):
     assert (noisy == 0).any()
     camera = Camera.load(tmp_path / "a" / "camera.json")
     np.testing.assert_array_equal(camera.pose, canonical_camera().pose)
-    rows, columns = np.nonzero(clean)
-    world = camera.unproject(np.stack([columns, rows], 1).astype(float), clean[rows, columns].astype(float))
+    world = seen_points(camera, clean)
     np.testing.assert_allclose(world[world[:, 2] > 0.06, :2].mean(0), [0.02, -0.03], atol=0.01)
     assert np.asarray(Image.open(tmp_path / "a" / "picture.png")).std() > 10
 

@@ -9,7 +9,7 @@ from bayesgrasp.evaluation.baselines.contacts import Contacts, closing_hand, fir
 from bayesgrasp.evaluation.baselines.force_closure import ForceClosure, ForceClosureConfig, quality, world_to_object
 from bayesgrasp.evaluation.baselines.top_down import TopDownConfig, top_down
 from bayesgrasp.evaluation.scenes import SceneMaker, Situation
-from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.geometry.camera import canonical_camera, network_camera
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.observation.preprocess import preprocess
@@ -88,7 +88,7 @@ def test_force_closure_chooses_what_the_arm_can_do(scenes: SceneMaker, objects: 
 
 @pytest.fixture(scope="module")
 def reader() -> SurfaceReader:
-    return SurfaceReader(canonical_camera().resized(256, 160))
+    return SurfaceReader(network_camera())
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.observation.preprocess import preprocess
+from bayesgrasp.geometry.camera import network_camera
+from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.planner import Planner, Posterior
 from bayesgrasp.planning.selection import Robot
@@ -33,7 +33,7 @@ def standing_still(hand_to_world: np.ndarray, grasp_type: GraspType) -> Path:
 
 def given_image(image: torch.Tensor):
     """A rule of thumb in place of a trained ratio: fingers around the middle of what rises above the table."""
-    camera = canonical_camera().resized(256, 160)
+    camera = network_camera()
     surface = SurfaceReader(camera).read(image[0].numpy())
     low, high = (torch.from_numpy(np.percentile(surface.item_points, q, axis=0)).float() for q in (2, 98))
     middle = (low + high) / 2
@@ -50,7 +50,7 @@ def given_image(image: torch.Tensor):
 @pytest.fixture(scope="session")
 def thumb_planner() -> Planner:
     """A planner that works without training, on canonical images."""
-    reader = SurfaceReader(canonical_camera().resized(256, 160))
+    reader = SurfaceReader(network_camera())
     robot = Robot(OpenHand(robotiq_3f()), standing_still)
     posterior = Posterior(given_image, lambda value: value.sigmoid())
-    return Planner(posterior, GraspPrior(), lambda depth, camera: preprocess(depth), reader, robot)
+    return Planner(posterior, GraspPrior(), CanonicalView().of, reader, robot)

@@ -85,6 +85,27 @@ def test_gradient_is_the_derivative_along_geodesics(kind, make) -> None:
         torch.testing.assert_close(gradient[..., axis], difference, atol=2e-6, rtol=1e-6)
 
 
+def linear_ratio(by_rotation: torch.Tensor):
+    """A log-ratio whose Euclidean gradient in R is the given one everywhere."""
+    return lambda hands: (by_rotation * hands.rotation).sum((-2, -1))
+
+
+def test_gradient_is_twice_the_papers_projection() -> None:
+    """Along R exp([w]_x), and half of the product of matrices is the one of w."""
+    hands, by_rotation = hands_at(rotations("anywhere")), rotations("anywhere").flip(0) + 0.5
+    _, gradient = likelihood_potential(linear_ratio(by_rotation), GraspPrior()).value_and_grad(hands)
+    projected = hands.rotation @ so3.skew(hands.rotation.mT @ -by_rotation)
+    torch.testing.assert_close(hands.rotation @ so3.hat(gradient[:, 3:]), 2 * projected)
+
+
+def test_gradient_is_independent_of_a_radial_part() -> None:
+    """A symmetric part of R^T df/dR points off the manifold and must not count."""
+    hands = hands_at(rotations("anywhere"))
+    symmetric = hands.rotation @ (5 * torch.eye(3, dtype=torch.float64))
+    _, gradient = likelihood_potential(linear_ratio(symmetric), GraspPrior()).value_and_grad(hands)
+    torch.testing.assert_close(gradient, torch.zeros_like(gradient), atol=1e-12, rtol=0)
+
+
 def test_value_with_and_without_gradient_agree_for_any_chunk_and_batch_shape() -> None:
     potential = posterior_potential(smooth_ratio, GraspPrior())
     hands = GraspPrior().sample(60, generator(3))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.geometry.camera import canonical_camera
+from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, ViewConfig, canonical_view, sample
 from bayesgrasp.types import Hands
 
@@ -20,7 +20,7 @@ def upright(position: list[float], dtype: torch.dtype = torch.float32) -> Hands:
 
 def test_projection_is_the_camera_s() -> None:
     points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) * 0.3 - 0.1
-    pixels, depth = canonical_camera().resized(256, 160).project(points.double().numpy())
+    pixels, depth = network_camera().project(points.double().numpy())
     grid, ours = VIEW.project(points)
     np.testing.assert_allclose(ours.numpy(), depth, atol=1e-5)
     unit = (2 * pixels + 1) / np.array([256, 160]) - 1
@@ -30,7 +30,7 @@ def test_projection_is_the_camera_s() -> None:
 def test_grid_sampling_reads_the_pixel_under_the_point() -> None:
     u = torch.arange(256.0).expand(1, 1, 160, 256)
     points = torch.tensor([[0.02, 0.03, 0.05], [-0.05, 0.0, 0.0]])
-    pixels, _ = canonical_camera().resized(256, 160).project(points.double().numpy())
+    pixels, _ = network_camera().project(points.double().numpy())
     grid, _ = VIEW.project(points)
     np.testing.assert_allclose(sample(u, grid[None, None])[0, 0, 0].numpy(), pixels[:, 0], atol=1e-3)
 

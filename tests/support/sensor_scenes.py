@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from pixels import cropped, in_world
 
 from bayesgrasp.geometry.camera import Camera, look_at
 from bayesgrasp.types import CameraNuisances, Scenes
@@ -67,14 +68,14 @@ def random_cameras(n: int, rng: np.random.Generator) -> CameraNuisances:
 def from_above(height: float, width: int = 640, rows: int = 480) -> Camera:
     """A camera that looks straight down, or the middle part of its image."""
     pose = look_at(np.array([0.0, 0.0, height]), np.zeros(3), up=np.array([0.0, 1.0, 0.0]))
-    return KINECT.cropped((640 - width) // 2, (480 - rows) // 2, width, rows).with_pose(pose)
+    return cropped(KINECT, (640 - width) // 2, (480 - rows) // 2, width, rows).with_pose(pose)
 
 
 def at_wall(distance: float, tilt: float, size: int = 96) -> Camera:
     """The middle of an image of the bare table seen from a distance along a line at a tilt to its normal."""
     eye = distance * np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     pose = look_at(eye, np.zeros(3), up=np.array([0.0, 1.0, 0.0]))
-    return KINECT.cropped(320 - size // 2, 240 - size // 2, size, size).with_pose(pose)
+    return cropped(KINECT, 320 - size // 2, 240 - size // 2, size, size).with_pose(pose)
 
 
 def cast_depth(shape: Shape, scene: Scenes, camera: Camera, pixels: np.ndarray) -> np.ndarray:
@@ -83,7 +84,7 @@ def cast_depth(shape: Shape, scene: Scenes, camera: Camera, pixels: np.ndarray) 
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     vertices = shape.vertices * float(scene.scale[0]) @ turn.T + [x, y, 0]
     origin = camera.pose[:3, 3]
-    rays = camera.unproject(pixels, np.ones(len(pixels))) - origin
+    rays = in_world(camera, pixels, np.ones(len(pixels))) - origin
     with np.errstate(divide="ignore"):
         table = np.where(rays[:, 2] < 0, -origin[2] / rays[:, 2], np.inf)
     a, b, c = (vertices[shape.faces[:, k]] for k in range(3))

@@ -127,13 +127,13 @@ def familiarity_of(dataset: GraspDataset) -> dict[str, Any] | None:
 
     from bayesgrasp.data.images import to_metres
     from bayesgrasp.errors import InvalidConfigurationError
-    from bayesgrasp.geometry.camera import canonical_camera
+    from bayesgrasp.geometry.camera import network_camera
     from bayesgrasp.observation.familiarity import fit_familiarity
     from bayesgrasp.observation.surface import SurfaceReader
 
     rows = dataset.scenes("train").rows
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), FAMILIARITY_IMAGES)).astype(int)]
-    reader = SurfaceReader(canonical_camera().resized(256, 160))
+    reader = SurfaceReader(network_camera())
     images = (to_metres(dataset.scene_columns["image"][row]) for row in rows)
     surfaces = [surface for image in images if (surface := reader.read(image)).item.any()]
     try:

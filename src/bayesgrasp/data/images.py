@@ -12,8 +12,9 @@ import numpy as np
 import zstandard
 from jaxtyping import Float32, UInt16
 
-from bayesgrasp.data.schema import DEPTH_UNIT, IMAGE_SHAPE
+from bayesgrasp.data.schema import DEPTH_UNIT
 from bayesgrasp.errors import DataError
+from bayesgrasp.geometry.camera import IMAGE_SHAPE
 
 LEVEL = 3
 

@@ -24,8 +24,6 @@ from torch import Tensor
 from bayesgrasp.types import Attempts, Columns, Hands, Outcome, Scenes
 
 SCHEMA_VERSION = 2
-IMAGE_SHAPE = (160, 256)
-"""Height and width of a stored image."""
 DEPTH_UNIT = 1e-4
 """Metres per unit of a stored image: tenths of a millimetre, so that 1 m fits 16 bits; 0 = no return."""
 

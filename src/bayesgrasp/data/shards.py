@@ -17,8 +17,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bayesgrasp.data import images
-from bayesgrasp.data.schema import IMAGE_SHAPE, SCHEMA_VERSION, AttemptRecords, HandRecords, SceneRecords
+from bayesgrasp.data.schema import SCHEMA_VERSION, AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.errors import DataError
+from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.types import Columns
 
 Records = TypeVar("Records", bound=Columns)

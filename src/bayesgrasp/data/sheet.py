@@ -9,8 +9,8 @@ from matplotlib import colormaps
 from PIL import Image, ImageDraw
 
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.schema import IMAGE_SHAPE, Batch
-from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.data.schema import Batch
+from bayesgrasp.geometry.camera import IMAGE_SHAPE, Camera, canonical_camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import CameraNuisances, GraspType, Hands

@@ -39,7 +39,7 @@ class Frame(NamedTuple):
     noise: Lattices
 
 
-class Around(NamedTuple):
+class ObjectRegion(NamedTuple):
     """The neighbourhood of the object in an image.
 
     Attributes:
@@ -88,13 +88,13 @@ class Device(Protocol):
     def sense_table(self, frame: Frame, pixels: Pixels, width: int) -> None:
         """Write the bare table; `width` of the whole image, px."""
 
-    def match(self, frame: Frame, around: Around, pixels: Pixels) -> Matches:
+    def match(self, frame: Frame, around: ObjectRegion, pixels: Pixels) -> Matches:
         """What pixels are matched to, and rays to the second eye."""
 
     def sense_matches(
         self,
         frame: Frame,
-        around: Around,
+        around: ObjectRegion,
         matches: Matches,
         blocked: Int32[np.ndarray, "rays"],
         pixels: Pixels,
@@ -123,7 +123,7 @@ class StructuredLight:
         """See `Device`."""
         returns.sense_table(frame.view, self.constants, frame.noise[0], *frame.limits, *pixels)
 
-    def match(self, frame: Frame, around: Around, pixels: Pixels) -> Matches:
+    def match(self, frame: Frame, around: ObjectRegion, pixels: Pixels) -> Matches:
         """See `Device`."""
         if not self.shadow:
             around = around._replace(hidden=np.zeros_like(around.hidden))
@@ -132,7 +132,7 @@ class StructuredLight:
     def sense_matches(
         self,
         frame: Frame,
-        around: Around,
+        around: ObjectRegion,
         matches: Matches,
         blocked: Int32[np.ndarray, "rays"],
         pixels: Pixels,
@@ -167,14 +167,14 @@ class StereoPair:
         """See `Device`."""
         stereo.sense_table(frame.view, self.constants, *frame.noise, width, *frame.limits, *pixels)
 
-    def match(self, frame: Frame, around: Around, pixels: Pixels) -> Matches:
+    def match(self, frame: Frame, around: ObjectRegion, pixels: Pixels) -> Matches:
         """See `Device`."""
         return _matched(stereo.match, self.constants, frame, around, pixels)
 
     def sense_matches(
         self,
         frame: Frame,
-        around: Around,
+        around: ObjectRegion,
         matches: Matches,
         blocked: Int32[np.ndarray, "rays"],
         pixels: Pixels,
@@ -190,7 +190,7 @@ def device_of(config: SensorConfig) -> Device:
 
 
 def _matched(
-    kernel: Callable[..., Matches], constants: object, frame: Frame, around: Around, pixels: Pixels
+    kernel: Callable[..., Matches], constants: object, frame: Frame, around: ObjectRegion, pixels: Pixels
 ) -> Matches:
     """What a device's kernel matches pixels to."""
     planes, region, near, hidden, noise = around

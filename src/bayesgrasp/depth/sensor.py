@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float32, Int64
 
 from bayesgrasp.depth import ray_kernels as rays
-from bayesgrasp.depth.devices import Around, Frame, Pixels, SensorConfig, device_of
+from bayesgrasp.depth.devices import Frame, ObjectRegion, Pixels, SensorConfig, device_of
 from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.mesh_tree import MeshTree
 from bayesgrasp.depth.views import Views, object_views
 from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
-from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.observation.preprocess import FAR, IMAGE_SHAPE, NEAR, SENSOR_SHAPE, sampled_columns, sampled_rows
+from bayesgrasp.geometry.camera import IMAGE_SHAPE, Camera, canonical_camera
+from bayesgrasp.observation.preprocess import FAR, NEAR, SENSOR_SHAPE, sampled_columns, sampled_rows
 from bayesgrasp.types import CameraNuisances, Scenes
 
 
@@ -140,7 +140,7 @@ class DepthSensor:
         if box == rays.NOWHERE:
             return
         region = self._region(tree, view, spans, _widened(box, device.margin, shape))
-        around = Around(tree.planes, region, near, shaded, device.local_noise(rng, region.plane.shape))
+        around = ObjectRegion(tree.planes, region, near, shaded, device.local_noise(rng, region.plane.shape))
         of_rows, of_columns = _between(rows, *box[:2]), _between(columns, *box[2:])
         part = Pixels(rows[of_rows], columns[of_columns], image[of_rows, of_columns])
         matches = device.match(frame, around, part)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from bayesgrasp.data.images import to_units
-from bayesgrasp.data.schema import IMAGE_SHAPE, AttemptRecords, HandRecords, SceneRecords
+from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
 from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.sensor import DepthSensor
@@ -29,6 +29,7 @@ from bayesgrasp.generation.pairing import DrawPairing, PairingConfig
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
 from bayesgrasp.generation.reachability import arm_reach
 from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset

@@ -1,4 +1,4 @@
-"""A pinhole camera with its pose: projection, its inverse, resizing, and the camera file.
+"""A pinhole camera with its pose: projection, rays, resizing, and the camera file; the two cameras of the networks.
 
 A point p of the camera frame (z forward, x right, y down, metres) is seen at the pixel
 
@@ -21,6 +21,8 @@ from bayesgrasp.errors import DepthImageError, shown
 from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera_file import INTRINSICS, intrinsics_of, pose_of, read_camera_file
 
+IMAGE_SHAPE = (160, 256)
+"""Height and width of the network's image, which is also the one that data sets hold, pixels."""
 ROTATION_TOLERANCE = 1e-3
 """A written rotation may be off by rounding; further off, it is a mistake."""
 MOST_PIXELS = 50_000_000
@@ -117,6 +119,14 @@ class Camera:
         """The same intrinsics at another pose."""
         return replace(self, camera_to_world=camera_to_world)
 
+    def matches(self, other: Camera) -> bool:
+        """Whether both see the same up to rounding: image size, intrinsics, and pose, which both must have."""
+        return (
+            (self.width, self.height) == (other.width, other.height)
+            and np.allclose(self.matrix, other.matrix, rtol=1e-6)
+            and np.allclose(self.pose, other.pose, atol=1e-6)
+        )
+
     def rays(self) -> Float[np.ndarray, "{self.height} {self.width} 3"]:
         """For every pixel, the point of the camera frame at depth 1: multiply by depth to unproject."""
         u = (np.arange(self.width) - self.cx) / self.fx
@@ -135,33 +145,12 @@ class Camera:
         )
         return pixels, depth
 
-    def pixels_to_camera(
-        self, pixels: Float[np.ndarray, "*batch 2"], depth: Float[np.ndarray, "*batch"]
-    ) -> Float[np.ndarray, "*batch 3"]:
-        """Points in the camera frame, metres, of pixels (u, v) at a depth in metres."""
-        x = (pixels[..., 0] - self.cx) / self.fx
-        y = (pixels[..., 1] - self.cy) / self.fy
-        return np.stack([x * depth, y * depth, depth], axis=-1)
-
     def project(
         self, points: Float[np.ndarray, "*batch 3"]
     ) -> tuple[Float[np.ndarray, "*batch 2"], Float[np.ndarray, "*batch"]]:
         """Pixels (u, v) and depth (m) of points in the world frame; pixels are NaN behind the camera."""
         rotation, translation = self.pose[:3, :3], self.pose[:3, 3]
         return self.camera_to_pixels((points - translation) @ rotation)
-
-    def unproject(
-        self, pixels: Float[np.ndarray, "*batch 2"], depth: Float[np.ndarray, "*batch"]
-    ) -> Float[np.ndarray, "*batch 3"]:
-        """Points in the world frame, metres, of pixels (u, v) at a depth in metres."""
-        world: Float[np.ndarray, "*batch 3"] = (
-            self.pixels_to_camera(pixels, depth) @ self.pose[:3, :3].T + self.pose[:3, 3]
-        )
-        return world
-
-    def cropped(self, column: int, row: int, width: int, height: int) -> Camera:
-        """The camera of the part of the image that starts at (column, row) and has the given size."""
-        return replace(self, width=width, height=height, cx=self.cx - column, cy=self.cy - row)
 
     def resized(self, width: int, height: int) -> Camera:
         """The camera of the image stretched to another size (the outer edges of the image stay where they are)."""
@@ -209,6 +198,12 @@ def canonical_camera() -> Camera:
     """
     pose = look_at(np.array([0.40, 0.0, 0.70]), np.array([0.0, 0.0, 0.05]))
     return Camera(width=640, height=480, fx=580.0, fy=580.0, cx=319.5, cy=239.5, camera_to_world=pose)
+
+
+def network_camera() -> Camera:
+    """The camera of the network's image: the canonical one, its image stretched to `IMAGE_SHAPE`."""
+    height, width = IMAGE_SHAPE
+    return canonical_camera().resized(width, height)
 
 
 def _check_intrinsics(camera: Camera) -> None:

@@ -117,16 +117,6 @@ def random_rotation(n: int, rng: np.random.Generator, dtype: torch.dtype = torch
     return quaternion_to_matrix(torch.from_numpy(rng.standard_normal((n, 4)))).to(dtype)
 
 
-def project_to_so3(matrix: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 3"]:
-    """The closest rotation in the Frobenius norm (orthogonal Procrustes); for matrices far from SO(3).
-
-    Differentiable wherever the closest rotation is unique, also at rotations, where the derivative of the singular
-    vectors themselves does not exist.
-    """
-    rotation: Float[Tensor, "*batch 3 3"] = _Polar.apply(matrix)  # type: ignore[no-untyped-call]
-    return rotation
-
-
 def renormalize(rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3 3"]:
     """Remove rounding drift from a near-rotation: one Newton-Schulz step R (3 I - R^T R) / 2.
 
@@ -134,29 +124,6 @@ def renormalize(rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 
     """
     eye = torch.eye(3, dtype=rotation.dtype, device=rotation.device)
     return rotation @ (1.5 * eye - 0.5 * (rotation.mT @ rotation))
-
-
-class _Polar(torch.autograd.Function):
-    """U V^T of the singular value decomposition, with the determinant's sign moved to the smallest singular value."""
-
-    @staticmethod
-    def forward(ctx: torch.autograd.function.FunctionCtx, matrix: Tensor) -> Tensor:
-        left, singular, right = torch.linalg.svd(matrix)
-        sign = torch.ones_like(singular)
-        sign[..., 2] = torch.linalg.det(left @ right).sign()
-        left = left * sign[..., None, :]
-        ctx.save_for_backward(left, singular * sign, right)
-        rotation: Tensor = left @ right
-        return rotation
-
-    @staticmethod
-    def backward(ctx: torch.autograd.function.FunctionCtx, *gradients: Tensor) -> Tensor:
-        left, singular, right = ctx.saved_tensors  # type: ignore[attr-defined]
-        inner = left.mT @ gradients[0] @ right.mT
-        sums = singular[..., :, None] + singular[..., None, :]
-        sums = torch.where(torch.eye(3, dtype=torch.bool, device=sums.device), 1.0, sums)
-        gradient: Tensor = left @ ((inner - inner.mT) / sums) @ right
-        return gradient
 
 
 def _series(x: Tensor, *coefficients: float) -> Tensor:

@@ -1,4 +1,4 @@
-"""Depth images of any camera, seen as the canonical camera would see them, or as a map from above.
+"""Depth images of any camera, seen as the canonical camera would see them.
 
 The networks know one camera. An image of another one, with known intrinsics and pose, is a surface that hides the space
 behind it; it is drawn again from where the canonical camera stands. A ray of the canonical camera that enters hidden
@@ -9,13 +9,14 @@ completed, since the table is the plane z = 0 by convention.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
-from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
-from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.errors import DepthImageError
+from bayesgrasp.geometry.camera import Camera, canonical_camera, network_camera
+from bayesgrasp.observation.preprocess import in_range, preprocess
 from bayesgrasp.observation.surface_kernels import draw_surface
 
 Coordinates = tuple[Float64[np.ndarray, "h w"], Float64[np.ndarray, "h w"], Float64[np.ndarray, "h w"]]
@@ -26,28 +27,30 @@ NOISE_ALLOWANCE = 0.005
 (metres): three deviations of the axial noise of a Kinect v1 at 1 m."""
 BEHIND = 0.01
 """Hidden space hides what is further away by more than this, metres; noise turns parts of a steep surface around."""
-LOWEST = -0.05
-"""Points further below the table than this are not drawn, metres."""
 
 
-@dataclass(frozen=True)
-class MapConfig:
-    """Extent of a top-down map: a square of the table around the world origin.
+class CanonicalView:
+    """Brings depth images of any camera to the network's image."""
 
-    Attributes:
-        side: Length of the square, metres.
-        cells: Number of cells along each side.
+    def __init__(self) -> None:
+        self._known, self._target = canonical_camera(), network_camera()
 
-    Raises:
-        InvalidConfigurationError: A value that is not positive.
-    """
+    def of(self, depth: Float32[np.ndarray, "h w"], camera: Camera) -> Float32[np.ndarray, "height width"]:
+        """The network's image, metres, 0 = no return.
 
-    side: float = 0.4
-    cells: int = 128
+        Args:
+            depth: Image of `camera`, metres, 0 = no return.
+            camera: Its intrinsics and pose in the world frame. Images of the canonical camera are preprocessed as in
+                training; others are drawn again.
 
-    def __post_init__(self) -> None:
-        if not (0 < self.side < np.inf and 1 <= self.cells <= 4096):
-            raise InvalidConfigurationError(f"a map needs a positive side and 1 to 4096 cells, got {self}")
+        Raises:
+            DepthImageError: The image does not fit the camera, or the camera has no pose.
+        """
+        if camera.matches(self._known):
+            return preprocess(depth)
+        # The network's image is coarser than most cameras': pixels that it cannot show are not drawn.
+        step = max(1, int(camera.fx / self._target.fx))
+        return in_range(to_canonical_view(*_thinned(depth, camera, step), self._target, complete_table=True))
 
 
 def to_canonical_view(
@@ -77,31 +80,15 @@ def to_canonical_view(
     return (_with_table(image, camera, target) if complete_table else image).astype(np.float32)
 
 
-def height_map(
-    depth: Float[np.ndarray, "h w"], camera: Camera, config: MapConfig | None = None
-) -> Float32[np.ndarray, "2 n n"]:
-    """A top-down map of the workspace.
-
-    Args:
-        depth: Image of `camera`, metres, 0 = no return.
-        camera: Its intrinsics and pose in the world frame.
-        config: Extent of the map.
-
-    Returns:
-        Height above the table (metres, 0 where not seen) and visibility (1 where seen). Entry [:, i, j] is at
-        x = (i + 1/2) side / n - side / 2 and y = (j + 1/2) side / n - side / 2 of the world frame.
-
-    Raises:
-        DepthImageError: The image does not fit the camera, or the camera has no pose.
-    """
-    config = MapConfig() if config is None else config
-    _check_image(depth, camera)
-    x, y, z = _transformed(depth, camera, camera.pose)
-    row, column = ((coordinate / config.side + 0.5) * config.cells - 0.5 for coordinate in (x, y))
-    heights = np.full((config.cells, config.cells), LOWEST)
-    _draw(depth, depth > 0, camera, (column, row, z), heights, np.empty_like(heights))
-    seen = heights > LOWEST
-    return np.stack([np.where(seen, heights, 0.0), seen]).astype(np.float32)
+def _thinned(
+    depth: Float32[np.ndarray, "h w"], camera: Camera, step: int
+) -> tuple[Float32[np.ndarray, "rows columns"], Camera]:
+    """Every `step`-th pixel, each way, and the camera that sees just these."""
+    first = step // 2
+    small = depth[first::step, first::step]
+    changes = {name: getattr(camera, name) / step for name in ("fx", "fy")}
+    changes |= {name: (getattr(camera, name) - first) / step for name in ("cx", "cy")}
+    return small, replace(camera, width=small.shape[1], height=small.shape[0], **changes)
 
 
 def _check_image(depth: Float[np.ndarray, "h w"], camera: Camera) -> None:

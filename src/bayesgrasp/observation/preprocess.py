@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float, Float32, Int64
 
 from bayesgrasp.errors import DepthImageError
+from bayesgrasp.geometry.camera import IMAGE_SHAPE
 
 SENSOR_SHAPE = (480, 640)
-IMAGE_SHAPE = (160, 256)
 NEAR, FAR = 0.45, 1.0
 """Depths outside are treated as no return, metres."""
 
@@ -50,5 +50,9 @@ def preprocess(depth: Float[np.ndarray, "*batch h w"]) -> Float32[np.ndarray, "*
             f"a depth image of the canonical camera has shape {SENSOR_SHAPE}, got {depth.shape[-2:]}; "
             "bring images of another camera into its view with `to_canonical_view` first"
         )
-    small = depth[..., sampled_rows()[:, None], sampled_columns()].astype(np.float32)
-    return np.where((small >= np.float32(NEAR)) & (small <= np.float32(FAR)), small, np.float32(0.0))
+    return in_range(depth[..., sampled_rows()[:, None], sampled_columns()].astype(np.float32))
+
+
+def in_range(depth: Float32[np.ndarray, "*batch h w"]) -> Float32[np.ndarray, "*batch h w"]:
+    """The images with every depth outside [`NEAR`, `FAR`] taken as no return, metres."""
+    return np.where((depth >= np.float32(NEAR)) & (depth <= np.float32(FAR)), depth, np.float32(0.0))

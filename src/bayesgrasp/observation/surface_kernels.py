@@ -43,8 +43,7 @@ def draw_surface(depth, returned, u, v, key, slope, offset, front, back):
         returned: Whether a depth was measured; others only bound hidden space.
         u: Column of each of its pixels in the buffers; NaN for nowhere.
         v: Row of each of its pixels in the buffers.
-        key: What is drawn, larger in front; it must be linear in (u, v) over a plane (inverse depth for a camera,
-            height for a map).
+        key: What is drawn, larger in front; it must be linear in (u, v) over a plane, as inverse depth is.
         slope: Depths z of one surface may differ by slope * z + offset within a triangle.
         offset: In metres.
         front: Buffer of the surface, seen from the side that the image shows; starts at the smallest key of interest.

@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -35,14 +34,8 @@ from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
 
-
-@runtime_checkable
-class View(Protocol):
-    """Brings a depth image of any camera into the canonical view that the network knows."""
-
-    def __call__(self, depth: Float32[np.ndarray, "h w"], camera: Camera) -> Float32[np.ndarray, "height width"]:
-        """The network's image, metres, 0 = no return; the camera has a pose."""
-        ...
+View = Callable[[Float32[np.ndarray, "h w"], Camera], Float32[np.ndarray, "height width"]]
+"""From a depth image (metres, 0 = no return) of any camera with a pose to the network's image."""
 
 
 @dataclass(frozen=True)

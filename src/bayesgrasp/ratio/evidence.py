@@ -19,7 +19,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.geometry.camera import IMAGE_SHAPE, Camera, canonical_camera
 from bayesgrasp.types import Hands
 
 Point = tuple[float, float, float]
@@ -63,7 +63,7 @@ class ViewConfig:
             raise InvalidConfigurationError(f"a view needs positive sizes and focal lengths, got {self}")
 
     @staticmethod
-    def of(camera: Camera, height: int = 160, width: int = 256) -> "ViewConfig":
+    def of(camera: Camera, height: int = IMAGE_SHAPE[0], width: int = IMAGE_SHAPE[1]) -> "ViewConfig":
         """The view of a camera whose image is stretched to the network's size."""
         small = camera.resized(width, height)
         rows = [tuple(float(v) for v in row) for row in small.pose[:3]]

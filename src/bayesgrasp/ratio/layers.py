@@ -15,6 +15,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.types import GraspType, Hands
 
 Activation = Literal["silu", "relu"]
@@ -76,7 +77,7 @@ class ConvConfig:
         width: Length of the image vector.
     """
 
-    image_shape: tuple[int, int] = (160, 256)
+    image_shape: tuple[int, int] = IMAGE_SHAPE
     channels: tuple[int, ...] = (16, 32, 64, 64)
     width: int = 128
 
