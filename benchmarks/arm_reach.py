@@ -7,14 +7,15 @@ no base avoids it. Run: ``python benchmarks/arm_reach.py --hands 2500``.
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64
 
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.robot.arm import JOINTS, ArmDescription, ur5
-from bayesgrasp.robot.arm_model import add_arm
+from bayesgrasp.robot.arm import ArmDescription, ur5
+from bayesgrasp.robot.arm_model import ArmHandle, add_arm
 from bayesgrasp.robot.gripper_model import add_gripper
 from bayesgrasp.robot.motion import (
     MotionConfig,
@@ -43,13 +44,7 @@ def collision_check(arm: ArmDescription) -> Callable[[Float64[np.ndarray, "6"]],
     for name, angle in zip(gripper.joint_names, gripper.open_angles(GraspType.BASIC), strict=True):
         data.joint(name).qpos = angle
 
-    def collides(angles: Float64[np.ndarray, "6"]) -> bool:
-        data.qpos[:JOINTS] = angles
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-        return bool((data.contact.dist < 0.0).any())
-
-    return collides
+    return partial(ArmHandle(model).collides, data)
 
 
 def reaches(arm: ArmDescription, hand: Float64[np.ndarray, "4 4"], collides: Callable[..., bool]) -> bool:

@@ -17,7 +17,7 @@ from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.robot.arm import ur5
-from bayesgrasp.robot.arm_reach import ArmReach
+from bayesgrasp.robot.arm_over_table import ArmOverTable
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import GraspType
@@ -93,7 +93,7 @@ def reader() -> SurfaceReader:
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return Robot(OpenHand(robotiq_3f()), ArmReach(ur5(), robotiq_3f()))
+    return Robot(OpenHand(robotiq_3f()), ArmOverTable(ur5(), robotiq_3f()))
 
 
 def seen(scenes: SceneMaker, *boxes: Box) -> Situation:
@@ -120,7 +120,7 @@ def test_top_down_closes_across_the_long_side(
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = hands.rotation[0].numpy(), hands.position[0].numpy()
     assert robot.hand.lowest(pose, GraspType.WIDE) > 0
-    assert robot.reach(pose, GraspType.WIDE) is not None
+    assert robot.arm.plan(pose, GraspType.WIDE) is not None
 
 
 def test_top_down_declines_an_empty_table(reader: SurfaceReader, robot: Robot, scenes: SceneMaker) -> None:

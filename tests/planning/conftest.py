@@ -1,10 +1,9 @@
 """A planner that needs no training."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import torch
+from fake_arm import FakeArm
 
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.canonical_view import CanonicalView
@@ -14,21 +13,7 @@ from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
-from bayesgrasp.types import GraspType, Hands
-
-
-@dataclass(frozen=True)
-class Path:
-    """A motion that stands still."""
-
-    transit: np.ndarray
-    approach: np.ndarray
-    lift: np.ndarray
-
-
-def standing_still(hand_to_world: np.ndarray, grasp_type: GraspType) -> Path:
-    still = np.zeros((2, 6))
-    return Path(still, still, still)
+from bayesgrasp.types import Hands
 
 
 def given_image(image: torch.Tensor):
@@ -51,6 +36,6 @@ def given_image(image: torch.Tensor):
 def thumb_planner() -> Planner:
     """A planner that works without training, on canonical images."""
     reader = SurfaceReader(network_camera())
-    robot = Robot(OpenHand(robotiq_3f()), standing_still)
+    robot = Robot(OpenHand(robotiq_3f()), FakeArm())
     posterior = Posterior(given_image, lambda value: value.sigmoid())
     return Planner(posterior, GraspPrior(), CanonicalView().of, reader, robot)

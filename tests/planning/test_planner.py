@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from box_scene import Box, box_depth_image
+from fake_arm import FakeArm
 from scipy.spatial.transform import Rotation
 
 from bayesgrasp.errors import BayesgraspError, DepthImageError, InvalidConfigurationError
@@ -119,7 +120,7 @@ def test_no_grasps_come_with_the_reason(thumb_planner, box, words) -> None:
 
 
 def test_an_arm_that_reaches_nothing_is_a_reason(thumb_planner, depth) -> None:
-    planner = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, lambda pose, kind: None))
+    planner = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, FakeArm(lambda pose, kind: None)))
     reason = planner.plan(depth, CAMERA).reason
     assert reason.startswith("unreachable")
     assert "the arm does not reach it" in reason
@@ -127,9 +128,9 @@ def test_an_arm_that_reaches_nothing_is_a_reason(thumb_planner, depth) -> None:
 
 def test_unreachable_grasps_give_way_to_reachable_ones(thumb_planner, depth) -> None:
     def only_pinch(pose: np.ndarray, kind: GraspType):
-        return thumb_planner.robot.reach(pose, kind) if kind == GraspType.PINCH else None
+        return thumb_planner.robot.arm.plan(pose, kind) if kind == GraspType.PINCH else None
 
-    plan = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, only_pinch)).plan(depth, CAMERA)
+    plan = replace(thumb_planner, robot=Robot(thumb_planner.robot.hand, FakeArm(only_pinch))).plan(depth, CAMERA)
     assert plan.grasps
     assert {grasp.grasp_type for grasp in plan.grasps} == {GraspType.PINCH}
 

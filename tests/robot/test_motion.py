@@ -12,9 +12,24 @@ from bayesgrasp.robot.motion import (
     lifted_pose,
     plan_motion,
     reachable_branches,
+    reached,
 )
+from bayesgrasp.types import Attempts
 
 CONFIG = MotionConfig()
+
+
+def pointing_down(positions: list[tuple[float, float, float]]) -> Attempts:
+    n = len(positions)
+    zeros = np.zeros(n, np.float32)
+    return Attempts(
+        position=np.array(positions, np.float32),
+        quaternion=np.tile(np.array([1.0, 0.0, 1.0, 0.0], np.float32), (n, 1)),
+        grasp_type=np.zeros(n, np.uint8),
+        object_index=np.zeros(n, np.int32),
+        object_pose=np.zeros((n, 3), np.float32),
+        **dict.fromkeys(("scale", "lateral_friction", "spinning_friction", "mass_factor"), zeros),
+    )
 
 
 def _free(_: np.ndarray) -> bool:
@@ -68,6 +83,15 @@ def test_a_blocked_branch_gives_way_to_another() -> None:
     assert motion is not None
     assert np.abs(motion.approach[-1] - first).max() > 0.1
     assert plan_motion(arm, pose, CONFIG, lambda q: True) is None
+
+
+def test_reach_is_one_branch_at_pre_grasp_h_and_lifted_hand() -> None:
+    """The far hand is reached itself, but not where the lift would end."""
+    arm, hands = ur5(), pointing_down([(0.0, 0.0, 0.2), (2.0, 0.0, 0.2), (0.2, 0.0, 0.6)])
+    poses = [hand_pose(x, np.array([1.0, 0.0, 1.0, 0.0])) for x in hands.position.astype(np.float64)]
+    assert [len(arm.inverse_kinematics(pose)) > 0 for pose in poses] == [True, False, True]
+    np.testing.assert_array_equal(reached(arm, CONFIG, hands), [True, False, False])
+    assert reached(arm, CONFIG, hands[:0]).shape == (0,)
 
 
 @pytest.mark.parametrize("wrong", [{"standoff": 0.0}, {"lift_height": -0.1}, {"waypoints": 1}, {"largest_step": 0.0}])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -50,11 +51,10 @@ def sources_by_part(
 def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
     """The planar symmetry of the priors and of the arm that a data set was made with."""
     from bayesgrasp.errors import DataError
-    from bayesgrasp.generation.reachability import arm_reach
     from bayesgrasp.prior.planar_symmetry import PlanarRefresh
     from bayesgrasp.prior.scene import ScenePrior
     from bayesgrasp.robot.arm import ur5
-    from bayesgrasp.robot.motion import MotionConfig
+    from bayesgrasp.robot.motion import MotionConfig, reached
     from bayesgrasp.workflows.load import trained_prior
 
     config = dataset.manifest.config
@@ -63,7 +63,9 @@ def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
     }
     try:
         motion = MotionConfig(**config.get("lift_test", {}).get("motion", {}))
-        return PlanarRefresh(trained_prior({"prior": prior_of(dataset)}), ScenePrior(**scene), arm_reach(ur5(), motion))
+        return PlanarRefresh(
+            trained_prior({"prior": prior_of(dataset)}), ScenePrior(**scene), partial(reached, ur5(), motion)
+        )
     except TypeError as error:
         raise DataError(f"the manifest of the data set does not state its scenes as they are now: {error}") from error
 

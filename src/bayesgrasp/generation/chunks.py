@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,6 @@ from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.pairing import DrawPairing, PairingConfig
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
-from bayesgrasp.generation.reachability import arm_reach
 from bayesgrasp.geometry import so3
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.lift.lift_config import LiftTestConfig
@@ -37,6 +37,7 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.planar_symmetry import PlanarRefresh, Reachable
 from bayesgrasp.prior.scene import ScenePrior
+from bayesgrasp.robot.motion import reached
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, CameraNuisances, Scenes
 
@@ -77,7 +78,7 @@ class SimulatedWorld:
         """Build them; a worker does this once."""
         test = LiftTest(self.objects, self.lift_test)
         sensor = DepthSensor(self.objects, config=self.sensor)
-        return World(test.run, sensor.images, arm_reach(test.arm, self.lift_test.motion))
+        return World(test.run, sensor.images, partial(reached, test.arm, self.lift_test.motion))
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from jaxtyping import Float64
 
 from bayesgrasp.lift.engine import DivergedError, Engine
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.robot.arm import JOINTS, ArmDescription
-from bayesgrasp.robot.arm_model import add_arm, joint_name
+from bayesgrasp.robot.arm import ArmDescription
+from bayesgrasp.robot.arm_model import ArmHandle, add_arm
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
 from bayesgrasp.robot.physics_scene import ObjectHandle, PhysicsConfig, add_object, new_spec
@@ -47,22 +47,13 @@ class Rig:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.object = ObjectHandle(self.model)
+        self.arm = ArmHandle(self.model)
         self.hand = GripperHandle(self.model, gripper)
         self.engine = make_engine(self.model, self.data, self.hand, self.object)
-        self._arm_qpos = np.array([self.model.joint(joint_name(j)).qposadr[0] for j in range(JOINTS)])
-        self._arm_ctrl = np.array([self.model.actuator(joint_name(j)).id for j in range(JOINTS)])
-        self._is_robot = (self.model.geom_bodyid != self.object.body) & (self.model.geom_bodyid != 0)
 
     def collides(self, arm_angles: Float64[np.ndarray, "6"]) -> bool:
         """Whether arm or hand overlaps anything at arm angles (radians); the hand and the object stay as they are."""
-        data = self.data
-        data.qpos[self._arm_qpos] = arm_angles
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_collision(self.model, data)
-        if data.ncon == 0:
-            return False
-        robot = self._is_robot[data.contact.geom].any(axis=1)
-        return bool((robot & (data.contact.dist < 0.0)).any())
+        return self.arm.collides(self.data, arm_angles)
 
     def prepare(
         self,
@@ -78,12 +69,11 @@ class Rig:
 
     def set_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
         """Put the arm at joint angles (radians), at rest, and command it to stay."""
-        self.data.qpos[self._arm_qpos] = angles
-        self.command_arm(angles)
+        self.arm.put(self.data, angles)
 
     def command_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
         """Set-points of the arm's servos, radians."""
-        self.data.ctrl[self._arm_ctrl] = angles
+        self.arm.command(self.data, angles)
 
     def step(self, seconds: float, largest_speed: float) -> None:
         """Advance, or raise `DivergedError` if the state is not finite or the object faster than that (m/s)."""

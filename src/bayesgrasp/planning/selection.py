@@ -28,10 +28,10 @@ MOST_POINTS = 800
 
 
 @runtime_checkable
-class Reach(Protocol):
-    """Plans the arm's motion to a hand pose."""
+class Arm(Protocol):
+    """What brings the hand to a pose."""
 
-    def __call__(self, hand_to_world: Pose, grasp_type: GraspType) -> Motion | None:
+    def plan(self, hand_to_world: Pose, grasp_type: GraspType) -> Motion | None:
         """A collision-free motion, or None."""
         ...
 
@@ -42,11 +42,11 @@ class Robot:
 
     Attributes:
         hand: The open hand.
-        reach: The arm.
+        arm: The arm.
     """
 
     hand: OpenHand
-    reach: Reach
+    arm: Arm
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Selection:
             self.failures["the open hand would cut into the object or the table"] += 1
             return None
         hand_to_world = self.workspace_to_world @ hand_to_workspace
-        motion = self.robot.reach(hand_to_world, grasp_type)
+        motion = self.robot.arm.plan(hand_to_world, grasp_type)
         if motion is None:
             self.failures["the arm does not reach it"] += 1
             return None

@@ -24,6 +24,9 @@ COLLISION_GROUP = 3
 BASE_RADIUS, BASE_HEIGHT = 0.075, 0.03
 """Of the arm's foot, metres; a pedestal of the same radius reaches down to the table."""
 
+BASE_BODY = "arm_base"
+"""Body of the foot and the pedestal; arm and hand hang from it."""
+
 _METAL, _COVER = (0.72, 0.74, 0.76, 1.0), (0.35, 0.60, 0.80, 1.0)
 
 
@@ -75,9 +78,9 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
     if spec.compiler.degree:
         raise InvalidConfigurationError("the arm is described in radians: set spec.compiler.degree = False first")
     servo = servo or ArmServo()
-    body = spec.worldbody.add_body(name="arm_base", **_pose(arm.base_to_world))
+    body = spec.worldbody.add_body(name=BASE_BODY, **_pose(arm.base_to_world))
     pedestal = Capsule((0.0, 0.0, -arm.base_position[2]), (0.0, 0.0, BASE_HEIGHT), BASE_RADIUS)
-    _add_capsules(body, "arm_base", (pedestal,), _METAL)
+    _add_capsules(body, BASE_BODY, (pedestal,), _METAL)
     mount = np.eye(4)
     for joint in range(JOINTS):
         body = body.add_body(name=joint_name(joint), gravcomp=1.0, **_pose(mount))
@@ -87,8 +90,41 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
         )
         mount = arm.fixed_transforms[joint]
     # MuJoCo leaves out contacts between parent and child, but not where the parent is static.
-    spec.add_exclude(name="arm_base-arm_1", bodyname1="arm_base", bodyname2=joint_name(0))
+    spec.add_exclude(name=f"{BASE_BODY}-{joint_name(0)}", bodyname1=BASE_BODY, bodyname2=joint_name(0))
     return body.add_body(name="arm_hand", **_pose(mount @ arm.hand_to_flange))
+
+
+class ArmHandle:
+    """The arm inside a compiled model: its addresses, its set-points, and whether it runs into something.
+
+    Args:
+        model: With an arm, and with a hand at its end.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = model
+        self.qpos = np.array([model.joint(joint_name(j)).qposadr[0] for j in range(JOINTS)])
+        self._ctrl = np.array([model.actuator(joint_name(j)).id for j in range(JOINTS)])
+        self._is_robot = model.body_rootid[model.geom_bodyid] == model.body(BASE_BODY).id
+
+    def put(self, data: mujoco.MjData, angles: Float64[np.ndarray, "6"]) -> None:
+        """Put the arm at joint angles (radians), at rest, and command it to stay."""
+        data.qpos[self.qpos] = angles
+        self.command(data, angles)
+
+    def command(self, data: mujoco.MjData, angles: Float64[np.ndarray, "6"]) -> None:
+        """Set-points of the arm's servos, radians."""
+        data.ctrl[self._ctrl] = angles
+
+    def collides(self, data: mujoco.MjData, angles: Float64[np.ndarray, "6"]) -> bool:
+        """Whether arm or hand overlaps anything at arm angles (radians); what else is in the scene stays as it is."""
+        data.qpos[self.qpos] = angles
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        if data.ncon == 0:
+            return False
+        robot = self._is_robot[data.contact.geom].any(axis=1)
+        return bool((robot & (data.contact.dist < 0.0)).any())
 
 
 def _pose(matrix: Float64[np.ndarray, "4 4"]) -> dict[str, Float64[np.ndarray, "_"]]:

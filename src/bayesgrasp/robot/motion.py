@@ -14,10 +14,11 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.robot.arm import ArmDescription
+from bayesgrasp.types import Attempts
 
 Pose = Float64[np.ndarray, "4 4"]
 Path = Float64[np.ndarray, "_ 6"]
@@ -105,6 +106,12 @@ def reachable_branches(arm: ArmDescription, hand_to_world: Pose, config: MotionC
     reach = config.largest_step * (config.waypoints - 1)
     steps = (_nearest(before, grasp, reach), _nearest(after, grasp, reach))
     return [np.stack([before[i], q, after[j]]) for q, i, j in zip(grasp, *steps, strict=True) if i >= 0 and j >= 0]
+
+
+def reached(arm: ArmDescription, config: MotionConfig, attempts: Attempts) -> Bool[np.ndarray, "n"]:
+    """Whether the arm reaches pre-grasp, h and lifted hand of each attempt on one branch, whatever is in its way."""
+    hands = zip(attempts.position.astype(np.float64), attempts.quaternion.astype(np.float64), strict=True)
+    return np.array([bool(reachable_branches(arm, hand_pose(x, q), config)) for x, q in hands], dtype=bool)
 
 
 def _nearest(candidates: Path, references: Path, reach: float) -> list[int]:

@@ -20,7 +20,7 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.robot.arm import ur5
-from bayesgrasp.robot.arm_reach import ArmReach
+from bayesgrasp.robot.arm_over_table import ArmOverTable
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
 
@@ -46,7 +46,7 @@ def load_planner(model: Path | str | None = None, config: PlannerConfig | None =
         trained_prior(trained.card),
         CanonicalView().of,
         SurfaceReader(network_camera()),
-        Robot(OpenHand(gripper), ArmReach(ur5(), gripper)),
+        Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
         None if familiarity is None else Familiarity.from_dict(familiarity),
         config or PlannerConfig(),
     )

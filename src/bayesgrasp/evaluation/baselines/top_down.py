@@ -64,7 +64,7 @@ def top_down(
         if len(points) == 0:
             return None
         poses = [_pose(points, turn, robot, sizes) for turn in (0.0, np.pi)]
-        pose, grasp_type = next((p for p in poses if robot.reach(*p) is not None), poses[0])
+        pose, grasp_type = next((p for p in poses if robot.arm.plan(*p) is not None), poses[0])
         rotation, position = torch.from_numpy(pose[None, :3, :3]), torch.from_numpy(pose[None, :3, 3])
         return Hands(position.float(), rotation.float(), torch.tensor([int(grasp_type)]))
 
