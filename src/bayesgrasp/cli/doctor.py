@@ -11,6 +11,9 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
+FOR_DEVELOPERS = frozenset({"dev", "docs", "bench"})
+"""Extras that no command needs."""
+
 
 @dataclass(frozen=True)
 class Report:
@@ -81,7 +84,7 @@ def _versions() -> tuple[dict[str, str | None], dict[str, str | None]]:
     for requirement in importlib.metadata.requires("bayesgrasp") or []:
         name = re.split(r"[\s\[<>=!~;(]", requirement, maxsplit=1)[0]
         extra = re.search(r"extra\s*==\s*['\"](\w+)['\"]", requirement)
-        if extra is None or extra[1] != "dev":
+        if extra is None or extra[1] not in FOR_DEVELOPERS:
             found[extra is not None][name] = _version(name)
     return found
 
