@@ -1,12 +1,23 @@
-"""The pages hold what they promise: links lead somewhere, and Python blocks run."""
+"""The pages hold what they promise: links lead somewhere, Python blocks run, camera files describe a camera."""
 
+import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import fake_world
 import pytest
+from box_scene import Box, box_depth_image
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
+
+from bayesgrasp import __version__
+from bayesgrasp.cli.main import COMMANDS
+from bayesgrasp.generation.chunks import GenerateConfig
+from bayesgrasp.generation.pool import InProcess
+from bayesgrasp.generation.run import Run, open_store
+from bayesgrasp.geometry.camera import Camera, canonical_camera
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("results/**/*.md")])
@@ -49,15 +60,107 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert [link for link in links if broken(page, link)] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name)
-def test_python_blocks_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The blocks of a page run one after the other, as a reader would, in an empty directory."""
-    monkeypatch.chdir(tmp_path)
-    namespace: dict[str, object] = {"__name__": "__main__"}
-    for token in tokens(page):
-        if token.type == "fence" and token.info.strip() == "python":
+Namespace = dict[str, Any]
+
+
+def small_data_set(namespace: Namespace) -> None:
+    """The directory `data` that a page reads, and the number of an epoch."""
+    config = GenerateConfig(proposal="prior", attempts_per_draw=16, scenes_per_draw=2, draws_per_chunk=10)
+    Run(open_store(Path("data"), fake_world.manifest(), False), fake_world.recipe(config), 160).execute(InProcess())
+    namespace["epoch"] = 0
+
+
+def depth_image(namespace: Namespace) -> None:
+    """A depth image of a box, and the camera that took it."""
+    camera = canonical_camera()
+    namespace |= {"depth": box_depth_image(camera, (Box(),)), "intrinsics": camera.matrix}
+    namespace["camera_to_world"] = camera.camera_to_world
+
+
+SET_UP: dict[str, Callable[[Namespace], None]] = {"docs/data.md": small_data_set, "docs/planning.md": depth_image}
+"""What the reader of a page has at hand."""
+
+
+def run_block(token: Token, page: Path, namespace: Namespace) -> None:
+    """Do with a fenced block what its language asks for; a language of which nothing is known is an error."""
+    match token.info.strip():
+        case "python" | "py":
             line = token.map[0] + 1 if token.map else 0
             exec(compile("\n" * line + token.content, str(page), "exec"), namespace)
+        case "json":
+            if "intrinsics" in json.loads(token.content):
+                Path("camera.json").write_text(token.content)
+                Camera.load("camera.json")
+        case "sh" | "":
+            pass
+        case language:
+            raise ValueError(f"nobody checks blocks of {language!r}")
+
+
+def run_page(page: Path, namespace: Namespace) -> None:
+    """Run the blocks of a page one after the other, as a reader would."""
+    for token in tokens(page):
+        if token.type == "fence":
+            run_block(token, page, namespace)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_blocks_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """In an empty directory, but for what a reader of the page has at hand."""
+    monkeypatch.chdir(tmp_path)
+    namespace: Namespace = {"__name__": "__main__"}
+    SET_UP.get(name(page), lambda _: None)(namespace)
+    run_page(page, namespace)
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        "```python\nassert False\n```",
+        "```py\nassert False\n```",
+        "```pycon\n>>> 1\n```",
+        "```json\n{,}\n```",
+        '```json\n{"intrinsics": {"width": 640}}\n```',
+    ],
+)
+def test_a_planted_block_is_caught(block: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "page.md").write_text(f"# A page\n\n{block}\n")
+    with pytest.raises((AssertionError, ValueError)):
+        run_page(tmp_path / "page.md", {})
+
+
+def unknown_commands(text: str) -> list[str]:
+    """Commands of ours, targets of make and scripts that a piece of code names and that are not there."""
+    ours = [words.split() for words in re.findall(r"^(?:.*[$/ ])?bayesgrasp ([a-z]+(?: [a-z]+)?)", text, re.MULTILINE)]
+    wrong = [" ".join(words) for words in ours if words[0] not in COMMANDS and " ".join(words) not in COMMANDS]
+    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    wrong += [target for target in re.findall(r"^make ([a-z]+)", text, re.MULTILINE) if target not in targets]
+    scripts = re.findall(r"python ([a-z]+/\w+\.py)", text)
+    return wrong + [script for script in scripts if not (ROOT / script).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_commands_are_there(page: Path) -> None:
+    code = [token.content for token in tokens(page) if token.type in {"fence", "code_inline"}]
+    assert [wrong for text in code for wrong in unknown_commands(text)] == []
+
+
+def test_a_command_that_is_not_there_is_caught() -> None:
+    text = "bayesgrasp data inspect\nbayesgrasp dance\nmake tea\nmake test\n.venv/bin/python examples/nowhere.py"
+    assert unknown_commands(text) == ["dance", "tea", "examples/nowhere.py"]
+
+
+def test_set_up_is_for_pages_that_are_there() -> None:
+    assert set(map(name, PAGES)) >= SET_UP.keys()
+
+
+def test_the_changelog_and_the_citation_name_this_version() -> None:
+    changes, citation = ((ROOT / file).read_text() for file in ("CHANGELOG.md", "CITATION.cff"))
+    first = re.search(r"^## \[(?P<version>[\d.]+)\] - (?P<date>[\d-]+)$", changes, re.MULTILINE)
+    assert first is not None
+    assert first["version"] == __version__
+    assert f"version: {__version__}\ndate-released: {first['date']}\n" in citation
 
 
 def test_dead_links_are_caught(tmp_path: Path) -> None:
