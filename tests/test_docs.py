@@ -102,6 +102,8 @@ def run_page(page: Path, namespace: Namespace) -> None:
     for token in tokens(page):
         if token.type == "fence":
             run_block(token, page, namespace)
+        elif token.type == "code_block" and re.match(r"import |from |>>> ", token.content):
+            raise ValueError("Python stands in fences that name it")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -120,6 +122,7 @@ def test_blocks_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
         "```py\nassert False\n```",
         "```pycon\n>>> 1\n```",
         "```json\n{,}\n```",
+        "    import os",
         '```json\n{"intrinsics": {"width": 640}}\n```',
     ],
 )
@@ -142,7 +145,7 @@ def unknown_commands(text: str) -> list[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_are_there(page: Path) -> None:
-    code = [token.content for token in tokens(page) if token.type in {"fence", "code_inline"}]
+    code = [token.content for token in tokens(page) if token.type in {"fence", "code_block", "code_inline"}]
     assert [wrong for text in code for wrong in unknown_commands(text)] == []
 
 
