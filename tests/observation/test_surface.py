@@ -93,6 +93,18 @@ def test_table_and_object_are_found_without_a_pose(eye) -> None:
     assert abs(towards[1]) < 1e-6
 
 
+@pytest.mark.parametrize("absurd", [19.0, 1e4, 1e30])
+def test_one_percent_of_absurd_depths_does_not_hide_the_table(absurd) -> None:
+    camera = CAMERA.resized(160, 120)
+    depth = box_depth_image(camera, (Box(x=0.03),))
+    clean = locate_workspace(depth, camera, generator(8))
+    for seed in range(40):
+        rng = generator(8, seed)
+        spoilt = np.where(rng.random(depth.shape) < 0.01, np.float32(absurd), depth)
+        found = locate_workspace(spoilt, camera.with_pose(None), rng)
+        np.testing.assert_allclose(found[2], clean[2], atol=0.003)
+
+
 def test_what_reaches_over_the_border_is_not_the_object() -> None:
     camera = CAMERA
     boxes = (Box(x=-0.02, y=0.04, size=(0.05, 0.05, 0.05)), Box(x=0.42, y=0.0, size=(0.4, 0.15, 0.1)))

@@ -61,6 +61,17 @@ def test_the_likelier_success_goes_first_and_the_posterior_breaks_ties() -> None
     assert some.ranked(SelectionConfig(rank="posterior")) == [3, 4, 1, 2, 0]
 
 
+@pytest.mark.parametrize("rank", ["success", "posterior"])
+def test_what_is_not_a_number_comes_last(rank) -> None:
+    nan = float("nan")
+    some = candidates([nan, 5.0, 3.0, nan], [0.9, 0.5, 0.6, nan])
+    expected = [0, 2, 1, 3] if rank == "success" else [1, 2, 0, 3]
+    assert some.ranked(SelectionConfig(rank=rank, tie=0.0))[:3] == expected[:3]
+    nothing = candidates([nan, nan], [nan, nan])
+    assert sorted(nothing.ranked(SelectionConfig(rank=rank))) == [0, 1]
+    assert candidates([1.0, 2.0], [nan, nan]).ranked(SelectionConfig(rank=rank)) == [1, 0]
+
+
 def test_ties_are_counted_from_the_best_not_from_neighbour_to_neighbour() -> None:
     chain = candidates([1.0, 2.0, 3.0, 4.0], [0.9, 0.85, 0.8, 0.75])
     assert chain.ranked(SelectionConfig(tie=0.06)) == [1, 0, 3, 2]
@@ -183,6 +194,14 @@ def test_figure_is_drawn_with_and_without_grasps(thumb_planner, plan, depth, tmp
     assert (tmp_path / "nothing.png").exists()
 
 
+def test_absurd_depths_are_no_returns(thumb_planner, depth) -> None:
+    camera = CAMERA.with_pose(None)
+    absurd = np.where(generator(2).random(depth.shape) < 0.01, np.float32(1e30), depth)
+    plan, expected = (thumb_planner.plan(d, camera) for d in (absurd, np.where(absurd > 20, np.float32(0), depth)))
+    assert plan.grasps
+    np.testing.assert_array_equal(plan.grasps[0].hand_to_world, expected.grasps[0].hand_to_world)
+
+
 def wrong(depth: np.ndarray, kind: str) -> np.ndarray:
     bad = depth.copy()
     if kind == "nan":
@@ -228,7 +247,7 @@ def test_bad_images_get_one_clear_error(thumb_planner, depth, kind, words) -> No
         (np.zeros((3, 3)), "singular"),
         (np.array([[580.0, 0.0, 1e6], [0.0, 580.0, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
         (np.array([[580.0, 0.0, 319.5], [0.0, 0.5, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fy"),
-        (np.array([[1e8, 0.0, 319.5], [0.0, 1e8, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
+        (np.array([[1e5, 0.0, 319.5], [0.0, 1e5, 239.5], [0.0, 0.0, 1.0]]), "no pinhole camera: with fx"),
     ],
 )
 def test_bad_intrinsics_get_one_clear_error(thumb_planner, depth, intrinsics, words) -> None:

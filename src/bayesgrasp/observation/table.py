@@ -87,12 +87,16 @@ def fit_plane(points: Points, rng: np.random.Generator, config: TableConfig) -> 
         raise DepthImageError(f"only {len(points)} pixels have a depth: too few to find the table")
     a, b, c = points[rng.integers(len(points), size=(3, config.hypotheses))]
     normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= lengths + 1e-12
     sample = points[rng.integers(len(points), size=2000)]
     votes = (np.abs(sample @ normals.T - (a * normals).sum(1)) < config.tolerance).sum(0)
+    votes[lengths[:, 0] == 0] = 0  # no plane: a point was drawn twice, and its normal of 0 would have every vote
     normal, offset = normals[votes.argmax()], float(a[votes.argmax()] @ normals[votes.argmax()])
     for _ in range(3):
         members = points[np.abs(points @ normal - offset) < config.tolerance]
+        if len(members) < 3:
+            break
         center = members.mean(0)
         normal = np.linalg.svd(members - center, full_matrices=False)[2][2]
         offset = float(center @ normal)

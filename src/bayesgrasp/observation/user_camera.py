@@ -21,7 +21,8 @@ from bayesgrasp.geometry.camera_file import INTRINSICS
 
 Intrinsics = Camera | Mapping[str, float | int] | np.ndarray
 SMALLEST_DEPTH, LARGEST_DEPTH = 0.15, 20.0
-"""Metres; no depth camera measures a whole scene closer, and a median depth outside is a wrong unit."""
+"""Metres; no depth camera measures a whole scene closer, nor anything farther: a median depth outside is a wrong unit,
+and single pixels beyond are a driver's mark of no return."""
 SCALES = 0.4, 2.5
 """The median of measured depths over the depths of the table; outside, the unit or the camera's pose is wrong."""
 STEEPEST, NARROWEST = 11.0, 0.02
@@ -41,7 +42,7 @@ def aligned_workspace(camera_to_world: Float64[np.ndarray, "4 4"], tolerance: fl
 
 
 def check_depth(depth: Any) -> Float32[np.ndarray, "h w"]:
-    """A depth image as float32, or a clear error.
+    """A depth image as float32, with 0 wherever it claims more than `LARGEST_DEPTH`, or a clear error.
 
     Raises:
         DepthImageError: Not two-dimensional, not floating point, NaN or infinite, negative, empty, or not metres.
@@ -65,7 +66,7 @@ def check_depth(depth: Any) -> Float32[np.ndarray, "h w"]:
         raise DepthImageError(
             f"the median depth is {median:.3g} m, closer than a depth camera measures; depths are metres"
         )
-    return depth.astype(np.float32)
+    return np.where(depth > LARGEST_DEPTH, 0, depth).astype(np.float32)
 
 
 def check_scale(depth: Float32[np.ndarray, "h w"], camera: Camera) -> None:

@@ -95,8 +95,8 @@ class Candidates:
     probability: Float[Tensor, "n"]
 
     def ranked(self, config: SelectionConfig) -> list[int]:
-        """Indices of the hands, best first."""
-        by_posterior = self.log_posterior.argsort(descending=True)
+        """Indices of the hands, best first; what is not a number counts as the worst."""
+        by_posterior = self.log_posterior.nan_to_num(nan=-torch.inf).argsort(descending=True)
         if config.rank == "posterior":
             return list(by_posterior.tolist())
         level = _levels(self.probability, config.tie)[by_posterior]
@@ -206,7 +206,11 @@ def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:
 
 
 def _levels(value: Float[Tensor, "n"], tie: float) -> Int[Tensor, "n"]:
-    """0 for the largest value and all within `tie` of it, 1 for the largest of the others and its ties, and so on."""
+    """0 for the largest value and all within `tie` of it, 1 for the largest of the others and its ties, and so on.
+
+    What is not a number is worse than every number.
+    """
+    value = value.nan_to_num(nan=-torch.inf)
     level, left = torch.zeros(value.shape, dtype=torch.int64), torch.ones_like(value, dtype=torch.bool)
     while left.any():
         group = left & (value >= value[left].max() - tie)
