@@ -73,8 +73,8 @@ def fresh(split: str, ycb_dir: Path | None, count: int, seed: int, workers: int)
 
     from bayesgrasp.cli.counting import progress_bar
     from bayesgrasp.generation.fresh_pairs import fresh_pairs
+    from bayesgrasp.geometry.hand_arrays import hands_of
     from bayesgrasp.objects.catalogue import load_objects
-    from bayesgrasp.prior.planar_symmetry import hands_of
 
     found = 0
     with progress_bar("successes", count) as advance:

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float32, Int64, UInt8
+from jaxtyping import Int64
 
 from bayesgrasp.data.cache import Columns, unpacked
 from bayesgrasp.data.images import to_metres
@@ -25,9 +25,8 @@ from bayesgrasp.data.schema import Batch, success_of
 from bayesgrasp.data.shards import HAND, hands_of, read_table, scenes_of
 from bayesgrasp.data.store import Manifest, Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
-from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import hands_from
 from bayesgrasp.seeding import Stream, generator
-from bayesgrasp.types import Hands
 
 Split = Literal["train", "validation", "test", "all"]
 CYCLE, VALIDATION, TEST = 20, 0, 1
@@ -152,7 +151,7 @@ class SceneLoader:
         """The scenes with these rows as torch tensors."""
         c = {name: column[rows] for name, column in self.columns.items()}
         return Batch(
-            hands=hands(c["hand_position"], c["hand_quaternion"], c["hand_grasp_type"]),
+            hands=hands_from(c["hand_position"], c["hand_quaternion"], c["hand_grasp_type"]),
             success=success_of(c["hand_outcome"]),
             weight=torch.from_numpy(c["hand_weight"]),
             selection_weight=torch.from_numpy(c["hand_selection_weight"]),
@@ -203,7 +202,7 @@ def attempt_batch(columns: Columns) -> Batch:
     position, quaternion, grasp_type = (columns[n][:, None] for n in ("position", "quaternion", "grasp_type"))
     weight = torch.from_numpy(np.exp(columns["log_weight"] + columns["object_log_weight"])[:, None])
     return Batch(
-        hands=hands(position, quaternion, grasp_type),
+        hands=hands_from(position, quaternion, grasp_type),
         success=success_of(columns["outcome"][:, None]),
         weight=weight,
         selection_weight=weight,
@@ -217,16 +216,3 @@ def _objects(columns: Columns) -> dict[str, torch.Tensor]:
     """What is known of the object of each scene."""
     known = {name: torch.from_numpy(columns[name]) for name in ("scale", "object_pose")}
     return known | {"object_index": torch.from_numpy(columns["object_index"].astype(np.int64))}
-
-
-def hands(
-    position: Float32[np.ndarray, "*batch 3"],
-    quaternion: Float32[np.ndarray, "*batch 4"],
-    grasp_type: UInt8[np.ndarray, "*batch"],
-) -> Hands:
-    """Stored hands as torch tensors. Padding has the quaternion 0, which becomes the identity."""
-    q = torch.from_numpy(quaternion)
-    norm = q.norm(dim=-1, keepdim=True)
-    identity = torch.tensor([1.0, 0.0, 0.0, 0.0])
-    rotation = so3.quaternion_to_matrix(torch.where(norm > 0, q / norm.clamp(min=1e-12), identity))
-    return Hands(torch.from_numpy(position), rotation, torch.from_numpy(grasp_type.astype(np.int64)))

@@ -12,13 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
 from jaxtyping import Float32
 
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.shifts import NONE, Shift
-from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
@@ -65,13 +64,7 @@ class Situation:
     def attempts(self, hands: Hands) -> Attempts:
         """Lift tests of hands of batch shape (n,) in this scene."""
         rows = np.zeros(len(hands.grasp_type), dtype=np.int64)
-        return Attempts(
-            position=hands.position.to(torch.float32).numpy(),
-            quaternion=so3.matrix_to_quaternion(hands.rotation.double()).to(torch.float32).numpy(),
-            grasp_type=hands.grasp_type.numpy().astype(np.uint8),
-            **self.scene[rows].columns(),
-            **self.nuisances[rows].columns(),
-        )
+        return attempts_of(hands, self.scene[rows], self.nuisances[rows])
 
 
 class SceneMaker:

@@ -28,8 +28,8 @@ from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.pairing import DrawPairing, PairingConfig
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
-from bayesgrasp.geometry import so3
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
+from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
@@ -174,15 +174,8 @@ class ChunkMaker:
         self, index: int, scale: Float32[np.ndarray, "1"], size: int, rng: np.random.Generator
     ) -> Attempts:
         hands = self.config.grasp.sample(size, rng)
-        return Attempts(
-            position=hands.position.numpy(),
-            quaternion=so3.matrix_to_quaternion(hands.rotation).numpy(),
-            grasp_type=hands.grasp_type.numpy().astype(np.uint8),
-            object_index=np.full(size, index, np.int32),
-            scale=np.repeat(scale, size),
-            object_pose=self.scene.sample_pose(size, rng),
-            **self.config.nuisance.sample(size, rng).columns(),
-        )
+        scenes = Scenes(np.full(size, index, np.int32), np.repeat(scale, size), self.scene.sample_pose(size, rng))
+        return attempts_of(hands, scenes, self.config.nuisance.sample(size, rng))
 
     def _scenes(self, chunk: int, attempts: AttemptRecords) -> tuple[SceneRecords, HandRecords]:
         scenes, cameras, hands = [], [], []

@@ -29,10 +29,10 @@ from bayesgrasp.data.shards import Chunk
 from bayesgrasp.data.store import Given
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.run import Done, Recipe, Task, finish
-from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import Stream, generator
-from bayesgrasp.types import Attempts, Hands, Scenes
+from bayesgrasp.types import Hands, Scenes
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,8 @@ class PracticeMaker:
         friction = self.config.nuisance.sample(count, told).lateral_friction
         proposing = generator(self.seed, Stream.PRACTICE_HANDS, chunk)
         proposed = self.propose(Shown(image, scenes, friction), tries, proposing)
-        attempts = self._attempts(scenes[np.repeat(np.arange(count), tries)], proposed, rng)
+        nuisances = self.config.nuisance.sample(count * tries, rng)
+        attempts = attempts_of(proposed, scenes[np.repeat(np.arange(count), tries)], nuisances)
         if self.given == "object":
             attempts = replace(attempts, lateral_friction=np.repeat(friction, tries))
         draw = chunk * self.config.draws_per_chunk + np.arange(count)
@@ -120,17 +121,6 @@ class PracticeMaker:
         columns = {f"camera_{name}": column for name, column in cameras.columns().items()}
         pictures = SceneRecords(**scenes.columns(), draw=draw, **columns, image=to_units(image))
         return Chunk(records, pictures, _hands(records, count))
-
-    def _attempts(self, scenes: Scenes, hands: Hands, rng: np.random.Generator) -> Attempts:
-        quaternion = so3.matrix_to_quaternion(hands.rotation).reshape(-1, 4)
-        nuisances = self.config.nuisance.sample(len(quaternion), rng)
-        return Attempts(
-            position=hands.position.reshape(-1, 3).numpy(),
-            quaternion=quaternion.numpy(),
-            grasp_type=hands.grasp_type.reshape(-1).numpy().astype(np.uint8),
-            **scenes.columns(),
-            **nuisances.columns(),
-        )
 
 
 def _hands(records: AttemptRecords, scenes: int) -> HandRecords:

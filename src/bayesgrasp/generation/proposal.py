@@ -31,8 +31,9 @@ from scipy import special
 from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import hands_of
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.prior.planar_symmetry import RelativeHands, hands_of, to_object, to_world
+from bayesgrasp.prior.planar_symmetry import RelativeHands, to_object, to_world
 from bayesgrasp.prior.power_spherical import PowerSpherical, log_even_power, log_normalizer
 from bayesgrasp.types import Attempts, Outcome
 

@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.pool import Work, processes
-from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
@@ -58,13 +57,7 @@ def draw_attempts(n: int, num_objects: int, priors: Priors, rng: np.random.Gener
     """Hands, scenes and nuisances from their priors, independently."""
     hands = priors.grasp.sample(n, rng)
     scenes = replace(priors.scene, num_objects=num_objects).sample(n, rng)
-    return Attempts(
-        position=hands.position.numpy(),
-        quaternion=so3.matrix_to_quaternion(hands.rotation.double()).to(torch.float32).numpy(),
-        grasp_type=hands.grasp_type.numpy().astype(np.uint8),
-        **scenes.columns(),
-        **priors.nuisance.sample(n, rng).columns(),
-    )
+    return attempts_of(hands, scenes, priors.nuisance.sample(n, rng))
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,11 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int64, UInt8
 
 from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.hand_arrays import hands_of
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.ranges import Interval
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.types import Attempts, Columns, Hands
+from bayesgrasp.types import Attempts, Columns
 
 Reachable = Callable[[Attempts], Bool[np.ndarray, "n"]]
 """Whether the arm reaches each attempt."""
@@ -108,16 +109,6 @@ def moved(attempts: Attempts, hands: RelativeHands, object_pose: Float[np.ndarra
         object_pose=pose,
         position=position.astype(np.float32),
         quaternion=quaternion.astype(np.float32),
-    )
-
-
-def hands_of(attempts: Attempts) -> Hands:
-    """The hands of attempts as torch tensors, float32."""
-    quaternion = torch.from_numpy(attempts.quaternion)
-    return Hands(
-        torch.from_numpy(attempts.position),
-        so3.quaternion_to_matrix(quaternion / quaternion.norm(dim=-1, keepdim=True)),
-        torch.from_numpy(attempts.grasp_type.astype(np.int64)),
     )
 
 
