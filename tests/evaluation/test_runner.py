@@ -14,7 +14,7 @@ from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.posterior.ascent import AscentConfig
-from bayesgrasp.ratio.checkpoint import read_card
+from bayesgrasp.ratio.card import read_card
 from bayesgrasp.types import Outcome
 
 QUICK = ("prior_sample", "mle_metric", "map_full", "top_down")

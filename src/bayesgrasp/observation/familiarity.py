@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError, clipped, shown
 from bayesgrasp.observation.surface import Surface, in_square
 
 STATISTICS = (
@@ -35,6 +35,8 @@ STATISTICS = (
     "object_width",
     "object_distance",
 )
+LARGEST_RATIO = 1e12
+"""Of the scales of a whitening; with more, its inverse is rounding."""
 WORKSPACE = 0.25
 """Half side of the square whose pixels count as the workspace, metres."""
 
@@ -111,10 +113,25 @@ class Familiarity:
         try:
             if tuple(content["statistics"]) != STATISTICS:
                 raise CheckpointError("the card's image statistics are of another version; train or fit them again")
-            mean, whitening = (np.array(content[key], dtype=np.float64) for key in ("mean", "whitening"))
-            return Familiarity(mean, whitening, float(content["threshold"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise CheckpointError(f"the image statistics in the card cannot be read: {error}") from error
+            mean, whitening, threshold = (_numbers(content[key]) for key in ("mean", "whitening", "threshold"))
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise CheckpointError(f"the image statistics in the card cannot be read: {clipped(error)}") from error
+        count = len(STATISTICS)
+        shapes = mean.shape, whitening.shape, threshold.shape
+        if shapes != ((count,), (count, count), ()) or not 0 < threshold < np.inf:
+            raise CheckpointError(f"the image statistics in the card are not those of {count} numbers")
+        # A whitening that cannot be undone measures no distance.
+        if not (np.isfinite(mean).all() and np.isfinite(whitening).all() and np.linalg.cond(whitening) < LARGEST_RATIO):
+            raise CheckpointError("the image statistics in the card are not finite, or do not tell images apart")
+        return Familiarity(mean, whitening, float(threshold))
+
+
+def _numbers(value: Any) -> Float64[np.ndarray, "..."]:
+    """Nested lists of numbers as an array; NumPy alone would also take the text "1" for one."""
+    array = np.array(value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"not numbers: {shown(value)}")
+    return array.astype(np.float64)
 
 
 def fit_familiarity(surfaces: Iterable[Surface], false_alarms: float = 0.005) -> Familiarity:

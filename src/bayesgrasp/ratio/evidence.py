@@ -24,6 +24,8 @@ from bayesgrasp.types import Hands
 
 Point = tuple[float, float, float]
 
+LARGEST_SIDE = 2048
+"""Of the network's image, pixels; every pixel's ray is kept in memory."""
 NEAREST_DEPTH = 0.05
 """Points closer to the camera plane than this, metres, are projected as if they were here."""
 FARTHEST_DEPTH = 1.5
@@ -61,6 +63,8 @@ class ViewConfig:
     def __post_init__(self) -> None:
         if min(self.height, self.width, *self.focal) <= 0:
             raise InvalidConfigurationError(f"a view needs positive sizes and focal lengths, got {self}")
+        if max(self.height, self.width) > LARGEST_SIDE:
+            raise InvalidConfigurationError(f"a view has at most {LARGEST_SIDE} pixels each way, got {self}")
 
     @staticmethod
     def of(camera: Camera, height: int = IMAGE_SHAPE[0], width: int = IMAGE_SHAPE[1]) -> "ViewConfig":

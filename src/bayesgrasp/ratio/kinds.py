@@ -4,14 +4,12 @@ A checkpoint names the kind of each estimator and holds its configuration as pla
 module without running any code from the file.
 """
 
-import dataclasses
 from dataclasses import dataclass
-from types import UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 from torch import nn
 
-from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError, shown
 from bayesgrasp.ratio.estimators import (
     FullConfig,
     FullSuccess,
@@ -23,6 +21,7 @@ from bayesgrasp.ratio.estimators import (
     SuccessRatioConfig,
 )
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
+from bayesgrasp.ratio.plain_data import plain, restored
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,14 @@ KINDS: dict[str, Kind] = {
     "global": Kind(ImageConfig, GlobalSuccess),
     "local": Kind(LocalConfig, LocalSuccess),
 }
+KINDS_OF_ROLE = {
+    "success_ratio": ("success_ratio",),
+    "image": ("image",),
+    "joint": ("joint",),
+    "full": ("full",),
+    "success": ("global", "local"),
+}
+"""The architectures that can play a role: they are called with what the role is told."""
 
 
 def build(kind: str, config: object) -> nn.Module:
@@ -63,32 +70,15 @@ def build(kind: str, config: object) -> nn.Module:
 
 def config_to_dict(config: Any) -> dict[str, Any]:
     """A configuration as JSON-able data."""
-    return dataclasses.asdict(config)
+    return plain(config)
 
 
 def config_from_dict(kind: str, content: Any) -> object:
     """The configuration of a kind from `config_to_dict`'s data.
 
     Raises:
-        CheckpointError: Unknown kind, missing or unknown fields, or values out of range.
+        CheckpointError: Unknown kind, missing or unknown fields, or values of another type or out of range.
     """
     if kind not in KINDS:
-        raise CheckpointError(f"the model has an estimator of unknown kind {kind!r}; known: {', '.join(KINDS)}")
-    try:
-        return _restore(KINDS[kind].config, content)
-    except (TypeError, ValueError, KeyError) as error:
-        raise CheckpointError(f"the configuration of the {kind} estimator is not valid: {error}") from error
-
-
-def _restore(target: Any, content: Any) -> Any:
-    """Undo JSON: objects become dataclasses, lists become tuples."""
-    if dataclasses.is_dataclass(target) and isinstance(target, type):
-        hints = get_type_hints(target)
-        return target(**{name: _restore(hints[name], value) for name, value in content.items()})
-    if get_origin(target) is UnionType:
-        return None if content is None else _restore(get_args(target)[0], content)
-    if get_origin(target) is tuple:
-        kinds = get_args(target)
-        kinds = kinds[:1] * len(content) if kinds[1:] == (...,) else kinds
-        return tuple(_restore(kind, value) for kind, value in zip(kinds, content, strict=True))
-    return target(content) if target in (int, float) else content
+        raise CheckpointError(f"the model has an estimator of unknown kind {shown(kind)}; known: {', '.join(KINDS)}")
+    return restored(KINDS[kind].config, content, f"the configuration of the {kind} estimator")

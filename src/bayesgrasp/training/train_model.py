@@ -17,7 +17,8 @@ from bayesgrasp.data.loader import GraspDataset, SceneLoader
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError, DataError
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.checkpoint import CARD, Origin, save_model
+from bayesgrasp.ratio.card import CARD
+from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.model import POWER
 from bayesgrasp.ratio.tensor_file import load_weights
