@@ -5,13 +5,15 @@ plausible and wrong grasps; and one that is not, to the last bit, what was writt
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
+from torch.overrides import TorchFunctionMode
 
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.files import make_directory
@@ -22,7 +24,6 @@ from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dic
 from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
 from bayesgrasp.ratio.tensor_file import (
     check_values,
-    check_weights,
     load_weights,
     parse_tensors,
     read_weights,
@@ -31,6 +32,8 @@ from bayesgrasp.ratio.tensor_file import (
 
 SAME = ("gripper", "camera", "prior", "objects")
 """What models must share to be joined."""
+ROOM = 1_000_000
+"""So many weights may be made for nothing, so that a small mismatch is told by the name of the weights."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,23 @@ def kind_of(estimator: nn.Module) -> str:
     raise CheckpointError(f"{type(estimator).__name__} is no estimator that can be saved; known: {', '.join(KINDS)}")
 
 
+class _AtMost(TorchFunctionMode):
+    """Refuses to make far more weights than a file holds before they take memory: its card may ask for any number."""
+
+    def __init__(self, count: int, path: Path) -> None:
+        super().__init__()
+        self.left, self.path = count, path
+
+    def __torch_function__(
+        self, func: Callable[..., Any], types: Any, args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None
+    ) -> Any:
+        if func is torch.empty:  # what every layer's weights begin as
+            self.left -= math.prod(args[0] if isinstance(args[0], tuple) else args)
+        if self.left < 0:
+            raise CheckpointError(f"the weights {self.path} are fewer than the configuration on the card asks for")
+        return func(*args, **(kwargs or {}))
+
+
 def _write_weights(directory: Path, role: str, estimator: nn.Module) -> str:
     """Write an estimator's weights and return their checksum."""
     path = directory / f"{role}.safetensors"
@@ -170,10 +190,9 @@ def _load_estimator(path: Path, entry: Mapping[str, Any]) -> nn.Module:
             f"the weights {path} are not the ones of the card: they were damaged or altered, their checksum differs"
         )
     tensors, _ = parse_tensors(content, path)
-    # First without memory: the sizes in the configuration are believed once the weights have shown them.
-    with torch.device("meta"):
-        check_weights(build(entry["kind"], config), tensors, path)
-    with torch.random.fork_rng(devices=[]):  # the first weights are random, then replaced
+    # The first weights are random, then replaced.
+    known = sum(tensor.numel() for tensor in tensors.values())
+    with torch.random.fork_rng(devices=[]), _AtMost(2 * known + ROOM, path):
         estimator = build(entry["kind"], config)
     load_weights(estimator, tensors, path)
     return estimator.eval().requires_grad_(False)

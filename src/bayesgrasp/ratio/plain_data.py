@@ -60,7 +60,8 @@ def _restore(target: Any, content: Any, place: str) -> Any:
 
 
 def _restore_fields(target: Any, content: Any, place: str) -> Any:
-    hints = {field.name: get_type_hints(target)[field.name] for field in dataclasses.fields(target)}
+    hints = get_type_hints(target)
+    hints = {field.name: hints[field.name] for field in dataclasses.fields(target)}
     known = isinstance(content, dict) and content.keys() <= hints.keys()
     _demand(known, place, f"an object with {', '.join(hints)}", content)
     return target(**{name: _restore(hints[name], value, f"{place}.{name}") for name, value in content.items()})

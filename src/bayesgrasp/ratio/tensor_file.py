@@ -78,7 +78,7 @@ def check_values(tensors: Mapping[str, Tensor], path: Path | str) -> None:
 
 
 def check_weights(module: nn.Module, tensors: Mapping[str, Tensor], path: Path | str) -> None:
-    """Refuse weights that do not fit a module, which may be one without memory (device "meta").
+    """Refuse weights that do not fit a module.
 
     Raises:
         CheckpointError: Another name, shape, type or value than the module's.
