@@ -1,53 +1,47 @@
-"""Imports between rooms run one way, read from the source text; printing stays in the command line."""
+"""The rooms of the package are as CONTRIBUTING.md says: order, limits, and what is stricter, read from the source text.
+
+The table there is the one statement of the order: each row is a level, and a room imports only rooms of rows above its
+own that its last column does not name.
+"""
 
 import ast
+import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "src" / "bayesgrasp"
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "bayesgrasp"
+RULES = (ROOT / "CONTRIBUTING.md").read_text()
 
-# Lower rooms may import upper ones. Rooms on the same level do not know one another.
-LEVELS: tuple[frozenset[str], ...] = tuple(
-    frozenset(names.split())
-    for names in (
-        "types errors seeding files locks",
-        "geometry",
-        "meshes",
-        "objects",
-        "robot",
-        "prior",
-        "observation",
-        "lift depth known",
-        "data",
-        "generation",
-        "ratio",
-        "training",
-        "posterior",
-        "planning",
-        "diagnostics",
-        "evaluation",
-        "viewer",
-        "workflows",
-        "cli",
-    )
-)
-LEVEL_OF = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
+Row = tuple[frozenset[str], frozenset[str]]
+"""Rooms of one level, and the rooms above them that they must not know all the same."""
 
+
+def room_table(page: str) -> list[Row]:
+    """The rows of the table of rooms in a page."""
+    body = page.partition("| room |")[2].split("\n\n")[0].splitlines()[2:]
+    cells = [line.strip("| ").split(" | ") for line in body]
+    return [(frozenset(quoted(row[0])), frozenset(quoted(row[2] if len(row) > 2 else ""))) for row in cells]
+
+
+def quoted(text: str) -> list[str]:
+    return re.findall(r"`(\w+)`", text)
+
+
+TABLE = room_table(RULES)
+LEVEL_OF = {room: level for level, (rooms, _) in enumerate(TABLE) for room in rooms}
+FORBIDDEN = {room: forbidden for rooms, forbidden in TABLE for room in rooms}
+BASE = TABLE[0][0]
 SIMULATORS = frozenset({"lift", "depth", "known"})
-# Stricter than the order: these meet elsewhere, by protocol, in `generation` or in `workflows`.
-FORBIDDEN: dict[str, frozenset[str]] = {
-    "lift": frozenset({"prior"}),
-    "depth": frozenset({"prior"}),
-    "known": frozenset({"prior"}),
-    "data": SIMULATORS,
-    "ratio": SIMULATORS | {"generation", "robot"},
-    "training": SIMULATORS | {"generation", "robot"},
-    "posterior": SIMULATORS | {"ratio", "training", "data", "generation"},
-    "planning": SIMULATORS | {"ratio", "training", "data", "generation"},
-    "diagnostics": SIMULATORS | {"ratio", "training", "posterior", "planning", "data", "generation"},
-}
+PHYSICS = frozenset({"mujoco", "pybullet", "embreex"})
+DOORS = frozenset({"__init__", "__main__"})
+"""Files beside the rooms: what `import bayesgrasp` and `python -m bayesgrasp` run."""
+
+MOST_FILES, MOST_LINES, MOST_PARAMETERS = 12, 300, 8
+ONE_FILE_A_COMMAND = frozenset({"cli"})
 
 
 def imported_modules(tree: ast.AST, module: str) -> Iterator[tuple[int, str]]:
@@ -69,13 +63,11 @@ def _complaint(room: str, name: str) -> str | None:
     if len(parts) == 1 or parts[1] not in LEVEL_OF:
         return f"imports the package's top level ({name})"
     target = parts[1]
-    if target == room:
+    if target == room or room in DOORS or {room, target} <= BASE:
         return None
-    if room in LEVELS[0]:
-        return None if target in LEVELS[0] else f"{room} imports {target}"
     if LEVEL_OF[target] >= LEVEL_OF[room]:
         return f"{room} imports {target}, which comes after it"
-    if target in FORBIDDEN.get(room, frozenset()):
+    if target in FORBIDDEN[room]:
         return f"{room} must not know {target}"
     return None
 
@@ -103,7 +95,7 @@ def module_name(path: Path) -> str:
     return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
 
 
-SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=module_name)
@@ -111,16 +103,47 @@ def test_file_keeps_to_the_architecture(path: Path) -> None:
     assert violations(path.read_text(), module_name(path)) == []
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if p.name == "__init__.py"], ids=module_name)
+INITS = [path for path in SOURCES if path.name == "__init__.py" and path.parent != PACKAGE]
+
+
+@pytest.mark.parametrize("path", INITS, ids=module_name)
 def test_a_room_opens_with_a_docstring_only(path: Path) -> None:
     body = ast.parse(path.read_text()).body
     assert len(body) == 1
     assert ast.get_docstring(ast.parse(path.read_text()))
 
 
-def test_every_folder_is_a_room_and_there_is_no_utils() -> None:
-    rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
-    assert rooms <= LEVEL_OF.keys()
+def eager_imports(source: str) -> list[str]:
+    """What importing a file imports, beside Python's own: not in functions, and not for the type checker alone."""
+    waiting: list[ast.AST] = list(ast.parse(source).body)
+    found = []
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found += [name for _, name in imported_modules(node, "bayesgrasp.__init__")]
+        elif not isinstance(node, ast.FunctionDef) and not _is_for_types(node):
+            waiting += ast.iter_child_nodes(node)
+    return [name for name in found if name.split(".")[0] not in sys.stdlib_module_names]
+
+
+def _is_for_types(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+
+
+def test_importing_the_package_imports_nothing_else() -> None:
+    assert eager_imports((PACKAGE / "__init__.py").read_text()) == []
+
+
+def test_a_planted_eager_import_is_caught() -> None:
+    delayed = "import os\nif TYPE_CHECKING:\n    import a\ndef f():\n    import b\n"
+    assert eager_imports(delayed) == []
+    assert sorted(eager_imports(delayed + "try:\n    import c\nfinally:\n    from . import d")) == ["bayesgrasp.d", "c"]
+
+
+def test_rooms_are_those_of_the_table_and_there_is_no_utils() -> None:
+    folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+    files = {path.stem for path in PACKAGE.glob("*.py")} - DOORS
+    assert folders | files == LEVEL_OF.keys()
     assert not [path for path in SOURCES if path.stem in {"utils", "util", "helpers", "configs", "common"}]
 
 
@@ -146,6 +169,45 @@ def _file_imports(path: Path) -> set[str]:
     return {candidate for name in names for candidate in (name, name.rpartition(".")[0]) if candidate in known}
 
 
+def reached_from(room: str) -> set[str]:
+    """Top-level names of all packages that importing any file of a room may import, however far away."""
+    files = {module_name(path): path for path in SOURCES}
+    waiting = [name for name in files if name.split(".")[1] == room]
+    seen: set[str] = set()
+    found: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen.add(name)
+            found |= {n.split(".")[0] for _, n in imported_modules(ast.parse(files[name].read_text()), name)}
+            waiting += _file_imports(files[name])
+    return found
+
+
+@pytest.mark.parametrize("room", ["ratio", "training", "posterior"])
+def test_learning_and_inference_need_no_physics_engine(room: str) -> None:
+    assert not reached_from(room) & PHYSICS
+
+
+def test_priors_and_simulators_meet_where_it_is_said() -> None:
+    said = re.search(r"meet only in\s(.*?):", RULES, re.DOTALL)
+    assert said is not None
+    may = {room for room in LEVEL_OF if not _complaint(room, "bayesgrasp.prior.x")}
+    both = {room for room in may for simulator in SIMULATORS if not _complaint(room, f"bayesgrasp.{simulator}.x")}
+    assert both - {"prior"} == set(quoted(said[1]))
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in SOURCES}), ids=lambda folder: folder.name)
+def test_a_room_has_at_most_a_dozen_files(folder: Path) -> None:
+    files = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= MOST_FILES or folder.name in ONE_FILE_A_COMMAND
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_name)
+def test_a_file_is_short(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= MOST_LINES
+
+
 @pytest.mark.parametrize(
     ("module", "source"),
     [
@@ -163,6 +225,9 @@ def _file_imports(path: Path) -> set[str]:
         ("bayesgrasp.data.store", "from bayesgrasp import Hands"),
         ("bayesgrasp.data.store", "import bayesgrasp"),
         ("bayesgrasp.data.store", "print(1)"),
+        ("bayesgrasp.locks", "from bayesgrasp.geometry import so3"),
+        ("bayesgrasp.evaluation.__init__", "from ..cli import main"),
+        ("bayesgrasp.viewer.film", "from bayesgrasp.prior.grasp import GraspPrior"),
     ],
 )
 def test_a_planted_violation_is_caught(module: str, source: str) -> None:
@@ -176,6 +241,8 @@ def test_a_planted_violation_is_caught(module: str, source: str) -> None:
         ("bayesgrasp.training.train_model", "from bayesgrasp.data.loader import Loader"),
         ("bayesgrasp.training.train_model", "from bayesgrasp.types import Hands"),
         ("bayesgrasp.cli.demo", "from bayesgrasp.viewer import scene\nprint(1)"),
+        ("bayesgrasp.locks", "from bayesgrasp.errors import DataError"),
+        ("bayesgrasp.__init__", "def load():\n    from bayesgrasp.workflows.load import load_planner"),
     ],
 )
 def test_a_permitted_import_passes(module: str, source: str) -> None:

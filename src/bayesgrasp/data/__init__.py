@@ -1,1 +1,1 @@
-"""Simulated tuples: made, kept and fed to the trainer."""
+"""Simulated tuples: what they are, how they are kept, and how they are read."""

@@ -1,1 +1,1 @@
-"""Inference over hand configurations: potential, MAP, samples, plans."""
+"""Inference over hand configurations: potential, MAP, samples."""

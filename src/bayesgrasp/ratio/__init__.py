@@ -1,1 +1,1 @@
-"""Likelihood-to-evidence ratio estimators and their training."""
+"""Likelihood-to-evidence ratio estimators, and the directory of a trained model."""

@@ -1,1 +1,1 @@
-"""Doors to eyes."""
+"""Pictures and films of objects and attempts."""
