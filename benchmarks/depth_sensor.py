@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from bayesgrasp.depth import devices, light_kernels, ray_kernels, return_kernels
+from bayesgrasp.depth import devices, kinect_kernels, ray_kernels
 from bayesgrasp.depth import sensor as depth_module
 from bayesgrasp.depth.mesh_tree import MeshTree
 from bayesgrasp.depth.sensor import DepthSensor
@@ -48,9 +48,9 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
         (ray_kernels, name)
         for name in ("project_hull", "outline", "row_spans", "bounding_box", "primary_rays", "resolve")
     ],
-    "matching windows": [(light_kernels, "match")],
-    "noise of the table": [(return_kernels, "sense_table")],
-    "noise near the object": [(return_kernels, "sense_matches")],
+    "matching windows": [(kinect_kernels, "match")],
+    "noise of the table": [(kinect_kernels, "sense_table")],
+    "noise near the object": [(kinect_kernels, "sense_matches")],
     "random numbers": [(devices, "lattice")],
     "cameras": [(depth_module, "object_views")],
 }

@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
+from sensor_laws import axial_sigma, depth_step, hidden_width, lateral_sigma, quantise
 from sensor_scenes import FAR_AWAY, at_wall, from_above, plate, scenes
 
-from bayesgrasp.depth.kinect import (
-    KinectConfig,
-    axial_sigma,
-    depth_step,
-    lateral_sigma,
-    quantise,
-    shadow_width,
-)
+from bayesgrasp.depth import kinect
+from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.seeding import generator
@@ -36,7 +31,19 @@ def test_laws_have_the_published_values():
     np.testing.assert_allclose(
         lateral_sigma(np.zeros(5)) * depth / 580 * 1e3, [0.62, 0.83, 1.10, 1.38, 2.76], atol=6e-3
     )
-    assert shadow_width(580.0, 0.075, np.array([0.6]), np.array([0.75])) == pytest.approx(14.5)
+    assert hidden_width(580.0, 0.075, 0.6, 0.75) == pytest.approx(14.5)
+
+
+@pytest.mark.parametrize("depth", [0.45, 0.8, 3.0])
+@pytest.mark.parametrize("degrees", [0.0, 59.9, 60.1, 75.0, 85.0, 89.0])
+def test_the_laws_that_run_are_the_published_ones(depth, degrees):
+    tilt = np.deg2rad(degrees)
+    steep = kinect.steep_sigma(kinect.DEPTH_CONSTANT / depth, np.cos(tilt))
+    assert kinect.axial_sigma(depth, steep) == pytest.approx(float(axial_sigma(depth, tilt)), rel=1e-9)
+    held = min(tilt, np.deg2rad(85.0))
+    assert kinect.lateral_sigma(held) == pytest.approx(float(lateral_sigma(tilt)), rel=1e-9)
+    returned = kinect.DEPTH_CONSTANT / kinect.quantised(kinect.DEPTH_CONSTANT / depth)
+    assert returned == pytest.approx(float(quantise(depth)), rel=1e-12)
 
 
 def test_steep_surfaces_are_noisier_beyond_60_degrees_only():

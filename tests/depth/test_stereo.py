@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import norm
+from sensor_laws import hidden_width, stereo_sigma
 from sensor_scenes import FAR_AWAY, at_wall, from_above, plate, random_cameras, random_scenes, scenes
 
 from bayesgrasp.depth.sensor import DepthSensor
-from bayesgrasp.depth.stereo import StereoConfig, hole_width, stereo_sigma
+from bayesgrasp.depth.stereo import StereoConfig
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.seeding import generator
@@ -37,7 +38,7 @@ def test_spread_of_depth_grows_with_its_square(distance):
     true, images = wall(EVEN, distance)
     seen = images > 0
     error = (images - true)[seen]
-    assert error.std() == pytest.approx(float(stereo_sigma(EVEN, np.array([distance]))[0]), rel=0.06)
+    assert error.std() == pytest.approx(stereo_sigma(EVEN, distance), rel=0.06)
     assert abs(error.mean()) < 0.1 * error.std()
 
 
@@ -60,7 +61,7 @@ def test_holes_are_on_the_other_side_than_those_of_a_kinect():
     config = replace(EXACT, fattening=0.5)
     _, _, left, right = sides(DepthSensor([BLOCK], from_above(0.75), config).render(scenes(4), None, generator(2)))
     assert (left == 0).all()
-    assert right.mean() == pytest.approx(float(hole_width(config, np.array([0.6]), np.array([0.75]))[0]), abs=0.6)
+    assert right.mean() == pytest.approx(hidden_width(580.0, config.baseline, 0.6, 0.75), abs=0.6)
     mirrored = replace(config, baseline=0.055)
     _, _, left, right = sides(DepthSensor([BLOCK], from_above(0.75), mirrored).render(scenes(4), None, generator(2)))
     assert (right == 0).all()

@@ -11,43 +11,14 @@ only inside the convex outline of its projected hull, and its shadow only inside
 
 from __future__ import annotations
 
-from typing import NamedTuple, no_type_check
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
-TABLE = -1
-"""Plane index of the table."""
+from bayesgrasp.depth.frame import TABLE, Region
+
 NOWHERE = (0, 0, 0, 0)
-
-
-class View(NamedTuple):
-    """One camera looking at one object, in the object frame (scale 1).
-
-    Attributes:
-        ray_matrix: M above, (3, 3).
-        origin: o above, the camera, (3,).
-        projector: Position of the projector, (3,).
-    """
-
-    ray_matrix: np.ndarray
-    origin: np.ndarray
-    projector: np.ndarray
-
-
-class Region(NamedTuple):
-    """A rectangle of the image, and which plane is seen at each of its pixels.
-
-    Attributes:
-        row, column: The first pixel.
-        plane: Index of a triangle, or `TABLE`, int32 (rows, columns).
-        inverse_depth: 1 / m, float64 (rows, columns); at most 0 where nothing is seen.
-    """
-
-    row: int
-    column: int
-    plane: np.ndarray
-    inverse_depth: np.ndarray
 
 
 @no_type_check
@@ -93,7 +64,7 @@ def table_cosine(view, u, v):
 @njit(cache=True, nogil=True, error_model="numpy")
 def project_hull(view, hull, with_shadow):
     """Pixels (u, v) of the hull, then of its shadow on the table; and whether all of them are before the camera."""
-    inverse, o, light = np.linalg.inv(view.ray_matrix), view.origin, view.projector
+    inverse, o, light = np.linalg.inv(view.ray_matrix), view.origin, view.second_eye
     count = len(hull)
     pixels = np.empty((2 * count if with_shadow else count, 2))
     in_front = True

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float32, Int64
 
 from bayesgrasp.depth import ray_kernels as rays
-from bayesgrasp.depth.devices import Frame, ObjectRegion, Pixels, SensorConfig, device_of
+from bayesgrasp.depth.devices import SensorConfig, device_of
+from bayesgrasp.depth.frame import Frame, Limits, ObjectRegion, Pixels, Region, View
 from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.mesh_tree import MeshTree
 from bayesgrasp.depth.views import Views, object_views
@@ -88,8 +89,8 @@ class DepthSensor:
         rows, columns = np.arange(self.camera.height), np.arange(self.camera.width)
         images = np.empty((len(scenes), len(rows), len(columns)), np.float32)
         for i, image in enumerate(images):
-            limits = (views.near[i], views.far[i])
-            self._sense(self._trees[scenes.object_index[i]], views[i], limits, rng, (rows, columns), image)
+            limits = Limits(views.near[i], views.far[i], self.camera.width)
+            self._sense(self._trees[scenes.object_index[i]], views[i], limits, Pixels(rows, columns, image), rng)
         return images
 
     def images(
@@ -104,10 +105,11 @@ class DepthSensor:
             raise DepthImageError(f"network inputs come from a 640x480 camera, got {self.camera}")
         views = self._views(scenes, cameras)
         near, far = np.maximum(views.near, np.float32(NEAR)), np.minimum(views.far, np.float32(FAR))
-        pixels = (sampled_rows(), sampled_columns())
+        rows, columns = sampled_rows(), sampled_columns()
         images = np.empty((len(scenes), *IMAGE_SHAPE), np.float32)
         for i, image in enumerate(images):
-            self._sense(self._trees[scenes.object_index[i]], views[i], (near[i], far[i]), rng, pixels, image)
+            limits = Limits(near[i], far[i], self.camera.width)
+            self._sense(self._trees[scenes.object_index[i]], views[i], limits, Pixels(rows, columns, image), rng)
         return images
 
     def _views(self, scenes: Scenes, cameras: CameraNuisances | None) -> Views:
@@ -120,35 +122,25 @@ class DepthSensor:
             raise InvalidConfigurationError(f"{len(scenes)} scenes need as many cameras, got {len(cameras)}")
         return object_views(self.camera, scenes, cameras, self.config.baseline)
 
-    def _sense(
-        self,
-        tree: MeshTree,
-        view: rays.View,
-        limits: tuple[float, float],
-        rng: np.random.Generator,
-        pixels: tuple[Int64[np.ndarray, "r"], Int64[np.ndarray, "c"]],
-        image: Float32[np.ndarray, "r c"],
-    ) -> None:
+    def _sense(self, tree: MeshTree, view: View, limits: Limits, pixels: Pixels, rng: np.random.Generator) -> None:
         """Write what the device returns at the given rows and columns, 0 outside the limits of depth."""
         device, shape = self._device, (self.camera.height, self.camera.width)
-        rows, columns = pixels
         frame = Frame(view, limits, device.noise(rng, shape))
-        device.sense_table(frame, Pixels(rows, columns, image), shape[1])
-        spans, shaded = self._spans(tree, view, device.shadow)
-        near = self._near_object(view, shaded, device.margin)
-        box = rays.bounding_box(near, shape[1])
+        device.sense_table(frame, pixels)
+        spans, hidden = self._spans(tree, view, device.shadow)
+        near = self._near_object(view, hidden, device.margin)
+        box = rays.bounding_box(near, limits.width)
         if box == rays.NOWHERE:
             return
         region = self._region(tree, view, spans, _widened(box, device.margin, shape))
-        around = ObjectRegion(tree.planes, region, near, shaded, device.local_noise(rng, region.plane.shape))
-        of_rows, of_columns = _between(rows, *box[:2]), _between(columns, *box[2:])
-        part = Pixels(rows[of_rows], columns[of_columns], image[of_rows, of_columns])
+        around = ObjectRegion(tree.planes, region, near, hidden, device.local_noise(rng, region.plane.shape))
+        part = _inside(pixels, box)
         matches = device.match(frame, around, part)
         blocked = tree.occluded(matches.origins, matches.directions)
-        device.sense_matches(frame, around, matches, blocked, part, shape[1])
+        device.sense_matches(frame, around, part, matches, blocked)
 
     def _spans(
-        self, tree: MeshTree, view: rays.View, shadow: bool
+        self, tree: MeshTree, view: View, shadow: bool
     ) -> tuple[Int64[np.ndarray, "h 2"], Int64[np.ndarray, "h 2"]]:
         """Columns of each row where the object may be, and where the object or its shadow may be."""
         height, width = self.camera.height, self.camera.width
@@ -162,7 +154,7 @@ class DepthSensor:
             rays.row_spans(rays.outline(pixels), height, width),
         )
 
-    def _near_object(self, view: rays.View, shaded: Int64[np.ndarray, "h 2"], margin: int) -> Int64[np.ndarray, "h 2"]:
+    def _near_object(self, view: View, hidden: Int64[np.ndarray, "h 2"], margin: int) -> Int64[np.ndarray, "h 2"]:
         """Columns of each row outside which an image shows the bare table, at tilts that always return."""
         height, width = self.camera.height, self.camera.width
         for u in (0, width - 1):
@@ -170,20 +162,25 @@ class DepthSensor:
                 ray = view.ray_matrix @ (u, v, 1.0)
                 if -ray[2] < np.cos(self._device.steepest) * np.linalg.norm(ray):
                     return np.tile(np.array([0, width]), (height, 1))
-        widened: Int64[np.ndarray, "h 2"] = rays.widened(shaded, margin, width)
+        widened: Int64[np.ndarray, "h 2"] = rays.widened(hidden, margin, width)
         return widened
 
-    def _region(
-        self, tree: MeshTree, view: rays.View, spans: Int64[np.ndarray, "h 2"], box: tuple[int, ...]
-    ) -> rays.Region:
+    def _region(self, tree: MeshTree, view: View, spans: Int64[np.ndarray, "h 2"], box: tuple[int, ...]) -> Region:
         origins, directions = rays.primary_rays(view, spans)
-        region: rays.Region = rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
+        region: Region = rays.resolve(view, tree.planes, spans, tree.first_hit(origins, directions), box)
         return region
 
 
 def _widened(box: tuple[int, ...], margin: int, shape: tuple[int, int]) -> tuple[int, int, int, int]:
     top, bottom, left, right = box
     return max(0, top - margin), min(shape[0], bottom + margin), max(0, left - margin), min(shape[1], right + margin)
+
+
+def _inside(pixels: Pixels, box: tuple[int, int, int, int]) -> Pixels:
+    """Those of the pixels that lie in a box; they are written to the same image."""
+    top, bottom, left, right = box
+    rows, columns = _between(pixels.rows, top, bottom), _between(pixels.columns, left, right)
+    return Pixels(pixels.rows[rows], pixels.columns[columns], pixels.image[rows, columns])
 
 
 def _between(sorted_indices: Int64[np.ndarray, "n"], start: int, stop: int) -> slice:

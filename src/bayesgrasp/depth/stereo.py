@@ -32,7 +32,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from bayesgrasp.errors import InvalidConfigurationError
 
@@ -139,15 +138,3 @@ class StereoConfig:
             texture_spread=self.texture_spread,
             weakest=self.weakest,
         )
-
-
-def stereo_sigma(config: StereoConfig, depth: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Standard deviation of a depth (m) where texture is average and the surface faces the camera, metres."""
-    return depth**2 * config.subpixel / (config.focal_length * abs(config.baseline))
-
-
-def hole_width(
-    config: StereoConfig, near: Float[np.ndarray, "*batch"], far: Float[np.ndarray, "*batch"]
-) -> Float[np.ndarray, "*batch"]:
-    """Width of what an edge at depth `near` hides from the second camera on a wall at depth `far` (m), pixels."""
-    return config.focal_length * abs(config.baseline) * (1 / near - 1 / far)

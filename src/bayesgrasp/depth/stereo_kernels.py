@@ -16,9 +16,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from bayesgrasp.depth.light_kernels import Matches, edge_shift, shadow_ray
-from bayesgrasp.depth.ray_kernels import TABLE, cosine_at, inverse_depth_at, table_cosine
-from bayesgrasp.depth.return_kernels import BARE_TABLE, interpolate, lattice_weights
+from bayesgrasp.depth.frame import BARE_TABLE, TABLE, Matches
+from bayesgrasp.depth.match_kernels import edge_shift, interpolate, lattice_weights, no_matches, ray_to_second_eye
+from bayesgrasp.depth.ray_kernels import cosine_at, inverse_depth_at, table_cosine
 
 EDGE_DEVIATION = 0.8
 """By how much the border of a hole on the table wanders, px."""
@@ -27,33 +27,45 @@ NEARER, OWN, FARTHER, NOTHING = 0, 1, 2, 3
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def returned_depth(disparity, cosine, noise, texture, constants, column, width, near, far):
-    """The depth (m) that is returned for a disparity in px; 0 where the match is weak or out of range."""
-    weakness = np.exp(-constants.texture_spread * texture) / max(cosine, 1e-6)
-    there = column - constants.side * disparity
-    if disparity <= 0 or weakness > constants.weakest or there < 0 or there > width - 1:
-        return np.float32(0.0)
-    found = np.rint((disparity + constants.subpixel * weakness * noise) / constants.step) * constants.step
-    z = np.float32(constants.depth_constant / found)
-    return z if found > 0 and near <= z <= far else np.float32(0.0)
+def weakness(cosine, texture, constants):
+    """The deviation of a match as a multiple of `subpixel`, by the law of texture in `stereo`; `texture` is its t."""
+    return np.exp(-constants.texture_spread * texture) / max(cosine, 1e-6)
 
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def sense_table(view, constants, noise, texture, width, near, far, rows, columns, image):
-    """The bare table: fill the image (len(rows), len(columns)), float32 metres."""
-    pitch, coarse = constants.noise_pitch, constants.texture_pitch
-    noise_row, noise_column = lattice_weights(rows, 0, pitch), lattice_weights(columns, 0, pitch)
-    blob_row, blob_column = lattice_weights(rows, 0, coarse), lattice_weights(columns, 0, coarse)
+def returned_depth(disparity, column, weak, noise, constants, limits):
+    """The depth (m) that is returned for a disparity in px; 0 where the match is weak or out of range."""
+    there = column - constants.side * disparity  # the column in which the other camera sees the point
+    if disparity <= 0 or weak > constants.weakest or there < 0 or there > limits.width - 1:
+        return np.float32(0.0)
+    found = np.rint((disparity + constants.subpixel * weak * noise) / constants.step) * constants.step
+    z = np.float32(constants.depth_constant / found)
+    return z if found > 0 and limits.near <= z <= limits.far else np.float32(0.0)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def sense_table(frame, pixels, constants):
+    """The bare table: fill the image; see `frame`. The frame's noise is of disparities, then of texture."""
+    view, rows, columns, image = frame.camera, pixels.rows, pixels.columns, pixels.image
+    error, texture = frame.noise
+    error_row, error_column = _both_weights(pixels, constants.noise_pitch)
+    blob_row, blob_column = _both_weights(pixels, constants.texture_pitch)
     for i in range(len(rows)):
         for j in range(len(columns)):
             u, v = columns[j], rows[i]
             disparity = constants.depth_constant * inverse_depth_at(view, np.empty((0, 4)), TABLE, u, v)
-            blob = interpolate(texture, blob_row, blob_column, i, j)
-            error = interpolate(noise, noise_row, noise_column, i, j)
-            image[i, j] = returned_depth(
-                disparity, table_cosine(view, u, v), error, blob, constants, u, width, near, far
-            )
+            weak = weakness(table_cosine(view, u, v), interpolate(texture, blob_row, blob_column, i, j), constants)
+            noise = interpolate(error, error_row, error_column, i, j)
+            image[i, j] = returned_depth(disparity, u, weak, noise, constants, frame.limits)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def _both_weights(pixels, pitch):
+    """Weights of a lattice over the whole image, for rows and for columns."""
+    return lattice_weights(pixels.rows, 0, pitch), lattice_weights(pixels.columns, 0, pitch)
 
 
 @no_type_check
@@ -65,7 +77,7 @@ def windowed_match(region, constants, share, row, column):
     count, total, planes = np.zeros(3), np.zeros(3), np.full(3, TABLE)
     for r in range(max(row - half, 0), min(row + half + 1, w.shape[0])):
         for c in range(max(column - half, 0), min(column + half + 1, w.shape[1])):
-            kind = OWN
+            kind = OWN  # inverse depths: more is nearer
             if w[r, c] > own + tolerance:
                 kind = NEARER
             elif w[r, c] < own - tolerance:
@@ -73,6 +85,7 @@ def windowed_match(region, constants, share, row, column):
             count[kind] += 1
             total[kind] += w[r, c]
             planes[kind] = plane[r, c]
+    # The nearer surface wins with `share` of the window, the farther one where less than that is left for all others.
     size = count.sum()
     kind = NOTHING
     if count[NEARER] > 0 and count[NEARER] >= share * size:
@@ -88,15 +101,14 @@ def windowed_match(region, constants, share, row, column):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def match(view, planes, region, noise, constants, near, hidden, rows, columns):
-    """Step 1, and the rays of step 2, for the pixels rows x columns of the image, all inside the region.
+def match(frame, around, pixels, constants):
+    """Step 1, and the rays of step 2, for pixels that are all inside the region; see `frame`.
 
-    `noise` holds two lattices (2, ., .) of the region; `near` and `hidden` are the columns of each row where there may
-    be more than bare table, and where the second camera may not see the table.
+    The region's noise is of the place of edges, and of the borders of holes.
     """
-    count = len(rows) * len(columns)
-    disparity, cosine, ray = np.zeros(count), np.zeros(count), np.full(count, -1)
-    origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    view, planes, region = frame.camera, around.planes, around.region
+    rows, columns, near, hidden = pixels.rows, pixels.columns, around.near, around.hidden
+    disparity, cosine, ray, origins, directions = no_matches(len(rows) * len(columns))
     by_row = lattice_weights(rows, region.row, constants.noise_pitch)
     by_column = lattice_weights(columns, region.column, constants.noise_pitch)
     i, used = -1, 0
@@ -110,19 +122,20 @@ def match(view, planes, region, noise, constants, near, hidden, rows, columns):
             r, c = v - region.row, u - region.column
             if region.inverse_depth[r, c] <= 0:
                 continue
-            wander = constants.fattening + constants.fattening_spread * interpolate(noise[0], by_row, by_column, k, j)
-            share = min(max(wander, 0.05), 0.5)
+            edge = interpolate(around.noise[0], by_row, by_column, k, j)
+            # A nearer surface with half of the window wins in any case, and none does with next to nothing of it.
+            share = min(max(constants.fattening + constants.fattening_spread * edge, 0.05), 0.5)
             kind, disparity[i], plane = windowed_match(region, constants, share, r, c)
             cosine[i] = cosine_at(view, planes, plane, u, v)
             if kind != OWN or disparity[i] <= 0:
                 continue  # a surface taken from beside this pixel is one that both cameras see
             w = region.inverse_depth[r, c]
-            if plane == TABLE:
-                u += edge_shift(EDGE_DEVIATION, interpolate(noise[1], by_row, by_column, k, j))
+            if plane == TABLE:  # the borders of holes wander
+                u += edge_shift(EDGE_DEVIATION, interpolate(around.noise[1], by_row, by_column, k, j))
                 w = inverse_depth_at(view, planes, TABLE, u, v)
                 if w <= 0 or not hidden[v, 0] <= u < hidden[v, 1]:
                     continue
-            if shadow_ray(view, planes, plane, u, v, w, origins[used], directions[used]):
+            if ray_to_second_eye(view, planes, plane, u, v, w, origins[used], directions[used]):
                 ray[i] = used
                 used += 1
             else:
@@ -132,14 +145,15 @@ def match(view, planes, region, noise, constants, near, hidden, rows, columns):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def sense_matches(matches, blocked, constants, noise, texture, width, near, far, rows, columns, image):
-    """Step 3 for matched pixels: overwrite their part of the image.
+def sense_matches(frame, pixels, constants, matches, blocked):
+    """Step 3 for matched pixels: overwrite their part of the image; see `frame`.
 
     `blocked` is at least 0 for each ray to the second camera that met the object.
     """
-    pitch, coarse = constants.noise_pitch, constants.texture_pitch
-    noise_row, noise_column = lattice_weights(rows, 0, pitch), lattice_weights(columns, 0, pitch)
-    blob_row, blob_column = lattice_weights(rows, 0, coarse), lattice_weights(columns, 0, coarse)
+    columns, image = pixels.columns, pixels.image
+    error, texture = frame.noise
+    error_row, error_column = _both_weights(pixels, constants.noise_pitch)
+    blob_row, blob_column = _both_weights(pixels, constants.texture_pitch)
     for k in range(len(matches.ray)):
         i, j = k // len(columns), k % len(columns)
         ray, disparity = matches.ray[k], matches.disparity[k]
@@ -147,8 +161,6 @@ def sense_matches(matches, blocked, constants, noise, texture, width, near, far,
             continue
         image[i, j] = 0.0
         if ray < 0 or blocked[ray] < 0:
-            blob = interpolate(texture, blob_row, blob_column, i, j)
-            error = interpolate(noise, noise_row, noise_column, i, j)
-            image[i, j] = returned_depth(
-                disparity, matches.cosine[k], error, blob, constants, columns[j], width, near, far
-            )
+            weak = weakness(matches.cosine[k], interpolate(texture, blob_row, blob_column, i, j), constants)
+            noise = interpolate(error, error_row, error_column, i, j)
+            image[i, j] = returned_depth(disparity, columns[j], weak, noise, constants, frame.limits)

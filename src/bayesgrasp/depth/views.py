@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from bayesgrasp.depth.ray_kernels import View
+from bayesgrasp.depth.frame import View
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_poses
 from bayesgrasp.types import CameraNuisances, Scenes
@@ -15,23 +15,23 @@ from bayesgrasp.types import CameraNuisances, Scenes
 
 @dataclass(frozen=True)
 class Views:
-    """n cameras in the frames of n objects (scale 1); see `ray_kernels.View`.
+    """n cameras in the frames of n objects (scale 1); see `frame.View`.
 
     Attributes:
         ray_matrix: From homogeneous pixels to object-frame rays per metre of depth.
         origin: Cameras.
-        projector: Projectors.
+        second_eye: Projectors, or other cameras of stereo pairs.
         near, far: Range of each camera, metres.
     """
 
     ray_matrix: Float64[np.ndarray, "n 3 3"]
     origin: Float64[np.ndarray, "n 3"]
-    projector: Float64[np.ndarray, "n 3"]
+    second_eye: Float64[np.ndarray, "n 3"]
     near: Float64[np.ndarray, "n"]
     far: Float64[np.ndarray, "n"]
 
     def __getitem__(self, index: int) -> View:
-        return View(self.ray_matrix[index], self.origin[index], self.projector[index])
+        return View(self.ray_matrix[index], self.origin[index], self.second_eye[index])
 
 
 def object_views(camera: Camera, scenes: Scenes, cameras: CameraNuisances | None, baseline: float) -> Views:
@@ -41,7 +41,7 @@ def object_views(camera: Camera, scenes: Scenes, cameras: CameraNuisances | None
         camera: Nominal camera, with a pose.
         scenes: n scenes.
         cameras: n disturbances; the nominal camera without limits of range if None.
-        baseline: From the camera to its projector along the camera's x axis, metres.
+        baseline: From the camera to its second eye along the camera's x axis, metres.
     """
     count = len(scenes)
     rotation, position, focal = disturbed_poses(camera, cameras, count)
@@ -61,7 +61,7 @@ def object_views(camera: Camera, scenes: Scenes, cameras: CameraNuisances | None
     return Views(
         ray_matrix=camera_to_object @ to_ray,
         origin=origin,
-        projector=origin + camera_to_object[:, :, 0] * baseline,
+        second_eye=origin + camera_to_object[:, :, 0] * baseline,
         near=np.zeros(count) if cameras is None else cameras.near.astype(np.float64),
         far=np.full(count, np.inf) if cameras is None else cameras.far.astype(np.float64),
     )
