@@ -249,6 +249,34 @@ def test_a_permitted_import_passes(module: str, source: str) -> None:
     assert violations(source, module) == []
 
 
+def missing_modules(text: str) -> list[str]:
+    """Files of Python, and modules with their room, that are named in backticks and that are not there."""
+    wrong = []
+    for name in re.findall(r"`([\w./]+)`", text):
+        room, _, module = name.partition(".")
+        if name.endswith(".py"):
+            wrong += [] if any(f"/{path.relative_to(ROOT)}".endswith(f"/{name}") for path in EVERY_FILE) else [name]
+        elif re.fullmatch("[a-z_]+", module) and room in FOLDERS_THEN_AND_NOW and module not in FILE_ENDINGS:
+            wrong += [] if (PACKAGE / room / f"{module}.py").exists() or (PACKAGE / room / module).is_dir() else [name]
+    return wrong
+
+
+EVERY_FILE = [path for folder in ("src", "tests", "benchmarks", ".ci") for path in (ROOT / folder).rglob("*.py")]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("results/*.md")]
+FOLDERS_THEN_AND_NOW = {path.parent.name for path in INITS} | {"assets", "simulators", "benchmark"}
+FILE_ENDINGS = {"json", "md", "png", "toml"}
+
+
+@pytest.mark.parametrize("path", [*EVERY_FILE, *PAGES], ids=lambda path: str(path.relative_to(ROOT)))
+def test_modules_that_are_named_are_there(path: Path) -> None:
+    assert missing_modules(path.read_text()) == []
+
+
+def test_a_module_that_is_named_and_missing_is_caught() -> None:
+    text = "see `simulators.hold`, `lift.hold`, `lift/hold.py`, `hold.py`, `lift/nowhere.py`, `nowhere.py`, `ray.wait`"
+    assert missing_modules(text) == ["simulators.hold", "lift/nowhere.py", "nowhere.py"]
+
+
 def test_test_files_have_names_of_their_own() -> None:
     """Without packages among the tests, two files of one name cannot be collected in one process."""
     names = [path.name for path in Path(__file__).parent.rglob("*.py")]

@@ -1,4 +1,4 @@
-"""Generates on a Ray cluster and kills one of its nodes in the middle. Started by `test_scale.py`.
+"""Generates on a Ray cluster and kills one of its nodes in the middle. Started by `test_ray_pool.py`.
 
 A program of its own, since Ray sends functions by value, which those that the tests check shapes in do not survive.
 Usage: ``clustered.py DIRECTORY ATTEMPTS ADDRESS NODE``, the last being the process id of the node to kill.

@@ -2,9 +2,9 @@
 
 An **object draw** is one O = (mesh, beta), drawn once and tried many times. Its attempts differ in h, p_O and the
 nuisances; its scenes differ in p_O and the camera. Every hand of a scene is an attempt of the same draw, moved into the
-scene's pose (`data.planar`), so it was simulated on exactly the object that the image shows.
+scene's pose (`prior.planar_symmetry`), so it was simulated on exactly the object that the image shows.
 
-Two weights go with a hand, for two uses (`data.scenes`):
+Two weights go with a hand, for two uses (`generation.pairing`):
 
 * ``weight`` makes the hands of all scenes stand for p(h, O, p_O) p(S | h, O, p_O): what a ratio needs, trained on
   densities, such as r(i | S = 1, h);

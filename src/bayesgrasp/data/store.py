@@ -72,7 +72,7 @@ class Manifest:
 
     @property
     def given(self) -> Given:
-        """What the hands of a set of practice were proposed from (`data.practice`)."""
+        """What the hands of a set of practice were proposed from (`generation.practice`)."""
         return "object" if self.config.get("practice") == {"given": "object"} else "image"
 
     @property

@@ -2,7 +2,7 @@
 
 Unreachable grasps (no motion of the arm brings the hand there) are failures, and also counted apart; so are plans that
 were declined. Beside the success of the lift stands a harder label, never trained for: that the lifted object was also
-held against pushes from six sides (`simulators.hold`). A difference of two strategies is the mean over scenes of
+held against pushes from six sides (`lift.hold`). A difference of two strategies is the mean over scenes of
 S_a - S_b, with the interval of paired attempts, so what both find hard cancels.
 """
 

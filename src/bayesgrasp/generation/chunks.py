@@ -5,7 +5,7 @@ number and, for an adaptive proposal, on complete earlier rounds; never on who c
 
 Why several attempts and several scenes for each drawn object: an image costs about as much as a few prior attempts,
 and a pair of an image and a hand needs both on the same mesh and scale. With A attempts and M scenes a draw, every
-attempt can serve every scene (`data.pairing`): A * M pairs from A lift tests and M images, each pair with the law of a
+attempt can serve every scene (`pairing`): A * M pairs from A lift tests and M images, each pair with the law of a
 fresh one. Pairs of one draw share the mesh and beta, which is one number in [0.9, 1.1]; pose, hand, nuisances, camera
 and noise differ.
 """

@@ -5,8 +5,8 @@ Moved into the scene, attempt j is a hand h'_j = h(rho_j, p_O), and for any f
 
     E[ 1/A \sum_j omega_j f(h'_j, S_j) ] = E_{p(h)} E_{p(S | h, O, p_O)} f(h, S),    omega_j = w_j p(h'_j) / p(rho_j),
 
-by `data.planar`. Learning needs few hands a scene, successes and near misses more than their share. So each class of
-outcomes gets places, and inside a class attempt j is taken with a probability pi_j that is proportional to
+by `planar_symmetry`. Learning needs few hands a scene, successes and near misses more than their share. So each class
+of outcomes gets places, and inside a class attempt j is taken with a probability pi_j that is proportional to
 v_j = omega_j^tempering, without replacement (systematic sampling). Then
 
 * ``weight`` = K / A * omega_j / pi_j * p(O) / q(O) keeps the expectation above (its mean is 1 over a data set), and

@@ -1,6 +1,6 @@
 """A trained model: the estimators of one preset, and the log-ratios they make for one image.
 
-    success         a log p(S=1 | i, h)                     = log r(S=1, i | h) + a constant in h   (a: `power.py`)
+    success         a log p(S=1 | i, h)                     = log r(S=1, i | h) + a constant in h   (a: `training.power`)
     image           log r(i | S=1, h) + log r(S=1 | h)      = log r(S=1, i | h)    (paper, eq. 4)
     joint           log r(S=1, i | h) by one network: the ablation
     success_ratio   log r(S=1 | h), no image
@@ -30,7 +30,7 @@ ROLES: tuple[Role, ...] = get_args(Role)
 IMAGE_ROUTES = (("success",), ("image", "success_ratio"), ("joint",))
 """Estimators that make log r(S=1, i | h), the preferred ones first."""
 POWER = "power"
-"""Entry of a card: by role, the power of the ratio at which its posterior is calibrated (`power.py`)."""
+"""Entry of a card: by role, the power of the ratio at which its posterior is calibrated (`training.power`)."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Everything is in one safetensors file: weights, averaged weights, best weights and the moments of the optimiser as
 tensors, the counters as JSON in the header. It is written beside its place and renamed, so that there is always one
-whole file. No random state is needed: draws are addressed by step (`train.py`).
+whole file. No random state is needed: draws are addressed by step (`train_estimator.py`).
 """
 
 import json

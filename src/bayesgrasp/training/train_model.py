@@ -106,7 +106,7 @@ def with_practice(
     seed: int,
     known: tuple[str, ...] | None = None,
 ) -> Sources:
-    """Training and held-out batches of a data set together with those of practice on it (`data.practice`).
+    """Training and held-out batches of a data set together with those of practice on it (`generation.practice`).
 
     Args:
         base: Of the data set.
