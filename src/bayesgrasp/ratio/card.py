@@ -1,15 +1,13 @@
 """The card of a model, `card.json`: what its estimators are, where they come from, and for what they are valid.
 
 The card names the schema, the gripper, the camera, the prior, the data and the commit that the estimators came from,
-their kinds, configurations, checksums and metrics. A wrong card gives plausible and wrong grasps, so it ends with a
-checksum over itself, SHA-256 of its entries as compact JSON in order of their names, and each of its entries is checked
-by name, type and range. Whoever changes a card on purpose seals it again with `write_card`.
+their kinds, configurations, checksums and metrics. A wrong card gives plausible and wrong grasps, so it is sealed
+(`sealed.py`), and each of its entries is checked by name, type and range. Whoever changes a card on purpose seals it
+again with `write_card`.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -25,11 +23,11 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.kinds import KINDS_OF_ROLE
 from bayesgrasp.ratio.model import POWER, ROLES
 from bayesgrasp.ratio.plain_data import is_number, restored
+from bayesgrasp.sealed import sealed, unsealed
 
 SCHEMA = 1
 CARD = "card.json"
 GRIPPER = "robotiq-3f"
-CHECKSUM = "checksum"
 LARGEST = MIB
 """Bytes of a card."""
 STRONGEST = 100.0
@@ -37,9 +35,8 @@ STRONGEST = 100.0
 
 
 def write_card(directory: Path, content: Mapping[str, Any]) -> None:
-    """Write a card with its checksum; an old checksum in the content is replaced."""
-    card = {name: value for name, value in content.items() if name != CHECKSUM}
-    write_json(directory / CARD, card | {CHECKSUM: _checksum(card)})
+    """Write a card with its checksum."""
+    write_json(directory / CARD, sealed(content))
 
 
 def read_card(directory: Path) -> dict[str, Any]:
@@ -60,15 +57,12 @@ def read_card(directory: Path) -> dict[str, Any]:
         raise CheckpointError(
             f"the model {directory} has schema {shown(card['schema'])}, this version reads schema {SCHEMA}"
         )
-    if CHECKSUM not in card:
-        raise CheckpointError(f"the card {path} has no checksum: an earlier version wrote it; train the model again")
-    if card[CHECKSUM] != _checksum({name: value for name, value in card.items() if name != CHECKSUM}):
-        raise CheckpointError(
-            f"the card {path} was altered or damaged after it was written: its checksum differs; take the model from "
-            "where it came, or train it again"
-        )
+    try:
+        card = unsealed(card)
+    except ValueError as error:
+        raise CheckpointError(f"the card {path}: {error}; take the model from where it came, or train again") from error
     _check_entries(card, path)
-    return dict(card)
+    return card
 
 
 def check_card(card: Mapping[str, Any], directory: Path, gripper: str, camera: Camera) -> None:
@@ -83,10 +77,6 @@ def check_card(card: Mapping[str, Any], directory: Path, gripper: str, camera: C
         raise CheckpointError(
             f"the model {directory} was trained for another camera: {different}; train a model for this camera"
         )
-
-
-def _checksum(card: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(card, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _differences(left: Any, right: Any) -> str:
@@ -193,7 +183,6 @@ ENTRIES: dict[str, tuple[Callable[[Any], bool], str]] = {
     "preset": (_is_word, "a name"),
     "familiarity": (_is_familiarity, "image statistics, or null"),
     POWER: (_are_powers, f"a number in (0, {STRONGEST:g}] by role"),
-    CHECKSUM: (_is_word, "a checksum"),
 }
 """What may stand in a card, and how it is checked; a check may also raise what is wrong."""
 REQUIRED = ("schema", "gripper", "camera", "estimators")
