@@ -1,6 +1,6 @@
 """A trained model: the estimators of one preset, and the log-ratios they make for one image.
 
-    success         a log p(S=1 | i, h)                     = log r(S=1, i | h) + a constant in h   (a: `training.power`)
+    success         a log p(S=1 | i, h)                     = log r(S=1, i | h) + a constant in h  (a: `training.power`)
     image           log r(i | S=1, h) + log r(S=1 | h)      = log r(S=1, i | h)    (paper, eq. 4)
     joint           log r(S=1, i | h) by one network: the ablation
     success_ratio   log r(S=1 | h), no image
