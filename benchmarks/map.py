@@ -50,7 +50,7 @@ def by_pymanopt(potential: Potential, starts: Hands) -> Result:
         torch.from_numpy(np.stack([end.point[1] for end in ends])),
         starts.grasp_type,
     )
-    return Result(float(potential(hands).min()), seconds)
+    return Result(float(potential.value(hands).min()), seconds)
 
 
 def problem(potential: Potential, hand: Hands) -> pymanopt.Problem:
@@ -80,7 +80,7 @@ def by_ascent(potential: Potential, starts: Hands, config: AscentConfig) -> Resu
     started = time.process_time()
     ends = ascend(potential, starts, config)
     seconds = time.process_time() - started
-    return Result(float(potential(ends.hands.to(dtype=torch.float64)).min()), seconds)
+    return Result(float(potential.value(ends.hands.to(dtype=torch.float64)).min()), seconds)
 
 
 def main(problems: int = 100, starts: int = 1, seed: int = 0, json: Path | None = None) -> None:
@@ -105,7 +105,7 @@ def main(problems: int = 100, starts: int = 1, seed: int = 0, json: Path | None 
 
         potential = posterior_potential(log_ratio, prior)
         candidates = with_every_type(prior.sample(1000, generator(seed, 1, k)))
-        start = starting_points(candidates, potential(candidates), starts)
+        start = starting_points(candidates, potential.value(candidates), starts)
         ours.append(by_ascent(potential, start, AscentConfig(starts_per_type=starts, steps=STEPS)))
         theirs.append(by_pymanopt(potential, start))
     report(ours, theirs, json)

@@ -73,8 +73,8 @@ def test_no_start_gets_worse_and_steps_are_counted(analytic) -> None:
     potential = potential_of(problem, images[1])
     starts = PRIOR.sample(30, generator(5))
     ends = ascend(potential, starts, AscentConfig(steps=6))
-    assert (ends.value <= potential(starts)).all()
-    torch.testing.assert_close(potential(ends.hands), ends.value, atol=1e-4, rtol=1e-4)
+    assert (ends.value <= potential.value(starts)).all()
+    torch.testing.assert_close(potential.value(ends.hands), ends.value, atol=1e-4, rtol=1e-4)
     assert ends.steps.max() <= 6
     assert (ends.steps[ends.stop == Stop.MAX_STEPS] == 6).all()
     assert ends.evaluations >= 30 + int(ends.steps.sum())
@@ -97,7 +97,7 @@ def test_map_beats_every_exact_draw_from_the_posterior(analytic) -> None:
         potential = potential_of(problem, image)
         best = find_map(potential, PRIOR, generator(7), config=AscentConfig(starts_per_type=4, steps=40))
         draws = problem.posterior(image).sample(500, generator(8))
-        assert best.value.min() <= potential(draws).min() + 1e-3
+        assert best.value.min() <= potential.value(draws).min() + 1e-3
 
 
 def test_mode_of_the_prior_is_found() -> None:
@@ -109,10 +109,10 @@ def test_mode_of_the_prior_is_found() -> None:
 def test_starts_are_the_best_of_each_type() -> None:
     potential = prior_potential(PRIOR)
     hands = with_every_type(PRIOR.sample(100, generator(11)))
-    value = potential(hands)
+    value = potential.value(hands)
     starts = starting_points(hands, value, per_type=2)
     assert starts.grasp_type.tolist() == [0, 0, 1, 1, 2, 2]
-    assert potential(starts).min() == value.min()
+    assert potential.value(starts).min() == value.min()
 
 
 def test_types_without_support_are_left_out() -> None:

@@ -6,9 +6,16 @@ import pytest
 import torch
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.box import Box
 from bayesgrasp.known.analytic import AnalyticGrasping
 from bayesgrasp.posterior.chain import ChainConfig, fold, run_chains
-from bayesgrasp.posterior.potential import Box, Potential, likelihood_potential, posterior_potential, prior_potential
+from bayesgrasp.posterior.potential import (
+    Potential,
+    likelihood_potential,
+    posterior_potential,
+    prior_potential,
+    support,
+)
 from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, systematic, weigh
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator, torch_generator
@@ -85,7 +92,7 @@ def test_chains_reach_the_prior_from_one_corner() -> None:
     """Reflections keep a flat density flat, up to the faces."""
     corner = PRIOR.sample(1, generator(29))
     starts = corner[torch.zeros(800, dtype=torch.int64)]
-    starts.position[:] = Box.of(PRIOR).clip(torch.tensor([-1.0, -1.0, -1.0]))
+    starts.position[:] = support(PRIOR).clip(torch.tensor([-1.0, -1.0, -1.0]))
     config = ChainConfig(warmup=0, leapfrog=4, step=0.5)
     run = run_chains(prior_potential(PRIOR), starts, 60, torch_generator(30), config)
     late = run.hands[30:]

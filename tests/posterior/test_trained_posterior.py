@@ -48,4 +48,4 @@ def test_the_map_is_inside_and_beats_the_draws(trained) -> None:
     potential = posterior_potential(log_ratio, prior)
     found = find_map(potential, prior, generator(2), config=AscentConfig(starts_per_type=4))
     assert prior.in_support(found.hands).all()
-    assert found.value.min() < potential(prior.sample(10_000, generator(3))).min()
+    assert found.value.min() < potential.value(prior.sample(10_000, generator(3))).min()

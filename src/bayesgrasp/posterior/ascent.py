@@ -160,7 +160,7 @@ def find_map(
     """
     config = config or AscentConfig()
     candidates = with_every_type(prior.sample(num_draws, rng))
-    return ascend(potential, starting_points(candidates, potential(candidates), config.starts_per_type), config)
+    return ascend(potential, starting_points(candidates, potential.value(candidates), config.starts_per_type), config)
 
 
 class _Descent:

@@ -23,8 +23,9 @@ from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
+from bayesgrasp.geometry.box import Box
 from bayesgrasp.geometry.grasp_space import GraspSpace
-from bayesgrasp.posterior.potential import Box, Potential
+from bayesgrasp.posterior.potential import Potential
 from bayesgrasp.types import GraspType, Hands
 
 QUARTER_TURNS = (0, 0, 0, 0, 1, 2, 2, 3)

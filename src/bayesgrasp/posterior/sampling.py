@@ -63,7 +63,7 @@ def weigh(log_ratio: LogDensity, prior: Prior, num_draws: int, rng: np.random.Ge
         InvalidConfigurationError: No draw has a finite log-ratio.
     """
     hands = prior.sample(num_draws, rng)
-    values = -likelihood_potential(log_ratio, prior)(hands)
+    values = -likelihood_potential(log_ratio, prior).value(hands)
     if not values.isfinite().any():
         raise InvalidConfigurationError(f"the log-ratio is not finite at any of {num_draws} draws from the prior")
     return Weighted(hands, values, torch.softmax(values.double(), 0))
