@@ -84,7 +84,7 @@ class Comparison:
     objects: tuple[ObjectAsset, ...]
     seed: int
 
-    def __call__(self) -> Callable[[int], Chunk]:
+    def start(self) -> Callable[[int], Chunk]:
         """The function from a chunk's number to both engines' verdicts."""
         tests = {name: LiftTest(self.objects, LiftTestConfig(engine=name)) for name in ENGINES}
 
@@ -132,7 +132,7 @@ def judged(comparison: Comparison, options: Options) -> Iterator[Chunk]:
     with opened(options, comparison) as (kept, keep):
         todo = [number for number in numbers if number not in kept]
         if todo:
-            with processes(options.workers).start(comparison) as work:
+            with processes(options.workers).start(comparison.start) as work:
                 for done, chunk in enumerate(work(todo), start=1):
                     keep(chunk)
                     kept[chunk.number] = chunk

@@ -94,7 +94,7 @@ def main(options: Options) -> None:
 
 def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> dict[str, float]:
     """Processor time of each stage, over several chunks: objects differ in what they cost."""
-    maker = ChunkMaker(world(), config, 0, scene)
+    maker = ChunkMaker(world.build(), config, 0, scene)
     prior = Proposal.prior(scene.num_objects)
     maker.make(0, config.attempts_per_chunk, prior)  # compile models and kernels
     propose, lift, whole, render, store, n, m = np.sum(
@@ -138,7 +138,7 @@ def end_to_end(
     store = open_store(directory, describe(world, config, 0, scene, attempts), False)
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     own = time.process_time()
-    manifest = Run(store, Recipe(world, config, 0, scene), attempts).execute(LocalPool(workers))
+    manifest = Run(store, Recipe(world.build, config, 0, scene), attempts).execute(LocalPool(workers))
     wall = time.perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime + time.process_time() - own

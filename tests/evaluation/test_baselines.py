@@ -78,11 +78,11 @@ def test_world_to_object_undoes_the_pose() -> None:
 
 def test_force_closure_chooses_what_the_arm_can_do(scenes: SceneMaker, objects: tuple[ObjectAsset, ...]) -> None:
     lift_test = LiftTest(objects)
-    strategy = ForceClosure(GraspPrior(), lift_test)
-    hands = strategy(scenes(0), np.random.default_rng(0))
+    strategy = ForceClosure(GraspPrior(), lift_test).choose
+    hands = strategy(scenes.make(0), np.random.default_rng(0))
     assert hands.shape == (1,)
-    assert lift_test.feasible(scenes(0).attempts(hands)).all()
-    again = strategy(scenes(0), np.random.default_rng(0))
+    assert lift_test.feasible(scenes.make(0).attempts(hands)).all()
+    again = strategy(scenes.make(0), np.random.default_rng(0))
     assert (again.position == hands.position).all()
 
 
@@ -99,7 +99,7 @@ def robot() -> Robot:
 def seen(scenes: SceneMaker, *boxes: Box) -> Situation:
     """A scene whose image shows boxes."""
     depth = box_depth_image(canonical_camera(), boxes)
-    situation = scenes(0)
+    situation = scenes.make(0)
     return Situation(0, situation.asset, situation.scene, situation.nuisances, depth, preprocess(depth))
 
 

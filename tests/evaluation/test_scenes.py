@@ -11,16 +11,16 @@ from bayesgrasp.types import Hands
 
 
 def test_a_scene_depends_on_seed_and_number_only(scenes: SceneMaker, objects: tuple[ObjectAsset, ...]) -> None:
-    first, again = scenes(4), SceneMaker(objects, seed=3)(4)
+    first, again = scenes.make(4), SceneMaker(objects, seed=3).make(4)
     np.testing.assert_array_equal(first.depth, again.depth)
     assert first.pose == again.pose
     assert first.nuisances.lateral_friction == again.nuisances.lateral_friction
-    assert not np.array_equal(SceneMaker(objects, seed=4)(4).depth, first.depth)
-    assert scenes(6).pose != first.pose
+    assert not np.array_equal(SceneMaker(objects, seed=4).make(4).depth, first.depth)
+    assert scenes.make(6).pose != first.pose
 
 
 def test_objects_take_turns(scenes: SceneMaker) -> None:
-    assert [scenes(number).asset.id for number in range(3)] == [
+    assert [scenes.make(number).asset.id for number in range(3)] == [
         "household_carton",
         "household_tea_box",
         "household_carton",
@@ -28,7 +28,7 @@ def test_objects_take_turns(scenes: SceneMaker) -> None:
 
 
 def test_attempts_share_the_scene(scenes: SceneMaker) -> None:
-    situation = scenes(1)
+    situation = scenes.make(1)
     hands = Hands(torch.zeros(2, 3), torch.eye(3).expand(2, 3, 3), torch.tensor([0, 2]))
     attempts = situation.attempts(hands)
     assert len(attempts) == 2

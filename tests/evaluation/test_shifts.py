@@ -35,7 +35,7 @@ def unshifted(benchmark: Benchmark) -> tuple[SceneResult, ...]:
 
 
 def situations(objects: tuple[ObjectAsset, ...], name: str) -> tuple[Situation, Situation]:
-    return SceneMaker(objects, 3)(2), SceneMaker(objects, 3, shift=SHIFTS[name])(2)
+    return SceneMaker(objects, 3).make(2), SceneMaker(objects, 3, shift=SHIFTS[name]).make(2)
 
 
 def timeless(result: SceneResult) -> SceneResult:

@@ -55,7 +55,7 @@ def model() -> GraspModel:
 
 
 def choose(model: GraspModel, name: str, scenes: SceneMaker, seed: int = 0) -> Hands:
-    hands = model_strategies(model, PRIOR, SEARCH)[name](scenes(0), np.random.default_rng(seed))
+    hands = model_strategies(model, PRIOR, SEARCH)[name](scenes.make(0), np.random.default_rng(seed))
     assert hands is not None
     assert hands.shape == (1,)
     return hands
@@ -72,7 +72,7 @@ def test_metric_strategies_find_the_peak_of_their_ratio(model: GraspModel, scene
 
 @pytest.mark.parametrize("name", ["mle_full", "map_full"])
 def test_full_observation_knows_where_the_object_is(model: GraspModel, scenes: SceneMaker, name: str) -> None:
-    x, y, _ = scenes(0).pose
+    x, y, _ = scenes.make(0).pose
     torch.testing.assert_close(choose(model, name, scenes).position[0], torch.tensor([x, y, 0.25]), atol=2e-3, rtol=0)
 
 
@@ -104,7 +104,7 @@ def test_missing_estimators_are_named() -> None:
 def test_full_observation_of_another_object_is_refused(model: GraspModel, scenes: SceneMaker) -> None:
     strategy = model_strategies(model, PRIOR, SEARCH)["map_full"]
     with pytest.raises(InvalidConfigurationError, match="household_tea_box"):
-        strategy(scenes(1), np.random.default_rng(0))
+        strategy(scenes.make(1), np.random.default_rng(0))
 
 
 def test_search_needs_draws() -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 import fake_tasks
 from bayesgrasp.generation.pool import LocalPool
 if __name__ == "__main__":
-    with LocalPool(1).start(fake_tasks.Squares(Path(sys.argv[1]), endless=3)) as run:
+    with LocalPool(1).start(fake_tasks.Squares(Path(sys.argv[1]), endless=3).start) as run:
         for square in run(range(10)):
             pass
 """
@@ -41,7 +41,7 @@ def wait_for(condition: object, seconds: float = 120.0) -> None:
 
 
 def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
-    with LocalPool(2).start(fake_tasks.Squares(tmp_path, deadly=5)) as run:
+    with LocalPool(2).start(fake_tasks.Squares(tmp_path, deadly=5).start) as run:
         assert sorted(run(range(20))) == [n**2 for n in range(20)]
         assert (tmp_path / "killed").exists()
         assert len(fake_tasks.workers(tmp_path)) >= 2
@@ -52,14 +52,17 @@ def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_worker_that_dies_while_it_hands_over_its_result_loses_nothing(tmp_path: Path) -> None:
-    with LocalPool(1).start(fake_tasks.Squares(tmp_path, torn=5)) as run:
+    with LocalPool(1).start(fake_tasks.Squares(tmp_path, torn=5).start) as run:
         assert sorted(run(range(8))) == [n**2 for n in range(8)]
     assert (tmp_path / "killed").exists()
 
 
 def test_a_task_that_always_kills_is_given_up(tmp_path: Path) -> None:
     pool = LocalPool(1, attempts=2)
-    with pool.start(fake_tasks.Squares(tmp_path, 5, True)) as run, pytest.raises(DataError, match="lost its worker"):
+    with (
+        pool.start(fake_tasks.Squares(tmp_path, 5, True).start) as run,
+        pytest.raises(DataError, match="lost its worker"),
+    ):
         list(run(range(10)))
 
 
@@ -78,7 +81,7 @@ def test_workers_end_with_their_owner_in_the_middle_of_a_task(tmp_path: Path) ->
 
 
 def test_work_can_stay_in_the_process(tmp_path: Path) -> None:
-    with InProcess().start(fake_tasks.Squares(tmp_path)) as run:
+    with InProcess().start(fake_tasks.Squares(tmp_path).start) as run:
         assert list(run([1, 2, 3])) == [1, 4, 9]
     assert fake_tasks.workers(tmp_path) == [os.getpid()]
 

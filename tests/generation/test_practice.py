@@ -45,7 +45,7 @@ def practised(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make(directory: Path) -> None:
-    recipe = PracticeRecipe(fake_world.FakeWorld(), CONFIG, 3, ScenePrior(fake_world.OBJECTS), from_image)
+    recipe = PracticeRecipe(fake_world.build, CONFIG, 3, ScenePrior(fake_world.OBJECTS), from_image)
     store = open_store(directory, fake_world.manifest(TRIES * SCENES, seed=3), resume=False)
     Run(store, recipe, TRIES * SCENES).execute(InProcess())
 
@@ -80,7 +80,7 @@ def test_outcomes_are_of_the_object_in_the_image(practised: Path) -> None:
 
 
 def test_an_object_s_hands_share_the_friction_that_they_were_proposed_for(tmp_path: Path) -> None:
-    recipe = PracticeRecipe(fake_world.FakeWorld(), CONFIG, 3, ScenePrior(fake_world.OBJECTS), from_object, "object")
+    recipe = PracticeRecipe(fake_world.build, CONFIG, 3, ScenePrior(fake_world.OBJECTS), from_object, "object")
     store = open_store(tmp_path, fake_world.manifest(TRIES * SCENES, seed=3), resume=False)
     Run(store, recipe, TRIES * SCENES).execute(InProcess())
     columns = GraspDataset(tmp_path).scene_columns

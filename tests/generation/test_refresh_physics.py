@@ -25,7 +25,7 @@ CONFIG = GenerateConfig(proposal="prior", attempts_per_draw=ATTEMPTS, draws_per_
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return SimulatedWorld(load_objects(["household_jar"]))()
+    return SimulatedWorld(load_objects(["household_jar"])).build()
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ class Squares:
     endless: int = -1
     torn: int = -1
 
-    def __call__(self) -> Callable[[int], int]:
+    def start(self) -> Callable[[int], int]:
         (self.flags / f"worker-{os.getpid()}").touch()
         return self.square
 

@@ -1,9 +1,5 @@
 """Cheap simulators with a known success region, for the tests of the data engine."""
 
-import os
-import signal
-from dataclasses import dataclass
-
 import numpy as np
 
 from bayesgrasp.data.store import Manifest
@@ -42,21 +38,9 @@ def render(scenes: Scenes, camera: CameraNuisances, rng: np.random.Generator) ->
     return noise.astype(np.float32)
 
 
-@dataclass(frozen=True)
-class FakeWorld:
-    """Builds the fake simulators; ``kill_at`` names a file whose absence makes a worker kill itself, once."""
-
-    kill_flag: str = ""
-    arm: bool = True
-
-    def __call__(self) -> World:
-        return World(self.lift_test, render, reachable if self.arm else None)
-
-    def lift_test(self, attempts: Attempts) -> np.ndarray:
-        if self.kill_flag and not os.path.exists(self.kill_flag):
-            open(self.kill_flag, "w").close()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return lift_test(attempts)
+def build() -> World:
+    """The fake simulators."""
+    return World(lift_test, render, reachable)
 
 
 SMALL = GenerateConfig(
@@ -68,8 +52,8 @@ SMALL = GenerateConfig(
 )
 
 
-def recipe(config: GenerateConfig = SMALL, seed: int = 1, build: FakeWorld | None = None) -> Recipe:
-    return Recipe(build or FakeWorld(), config, seed, ScenePrior(OBJECTS))
+def recipe(config: GenerateConfig = SMALL, seed: int = 1) -> Recipe:
+    return Recipe(build, config, seed, ScenePrior(OBJECTS))
 
 
 def manifest(attempts: int = 1, seed: int = 1) -> Manifest:

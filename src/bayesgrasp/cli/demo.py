@@ -51,7 +51,7 @@ def demo(
 
     _check(out)
     planner = load_planner(model)
-    situation = SceneMaker(load_objects([object], ycb_dir), seed)(0)
+    situation = SceneMaker(load_objects([object], ycb_dir), seed).make(0)
     print(describe_scene(situation))
     plan = planner.plan(situation.depth, canonical_camera(), samples=SAMPLES, seed=seed)
     print(describe(plan))

@@ -82,7 +82,7 @@ def generate(
     scene = ScenePrior(len(world.objects))
     store = open_store(out, describe(world, config, seed, scene, attempts), resume)
     with progress_bar(attempts) as observe:
-        manifest = Run(store, Recipe(world, config, seed, scene), attempts, observe).execute(chosen, repair)
+        manifest = Run(store, Recipe(world.build, config, seed, scene), attempts, observe).execute(chosen, repair)
     print_summary(manifest, out)
 
 

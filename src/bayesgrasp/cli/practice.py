@@ -82,7 +82,7 @@ def practice(
         _check_objects(model, tuple(asset.id for asset in objects))
         manifest = replace(manifest, config=manifest.config | {"practice": {"given": "object"}})
     proposer = ModelProposer(model.resolve(), manifest.given)
-    recipe = PracticeRecipe(world, config, seed, scene, proposer, manifest.given)
+    recipe = PracticeRecipe(world.build, config, seed, scene, proposer, manifest.given)
     store = open_store(out, manifest, resume)
     with progress_bar(scenes * tries) as observe:
         finished = Run(store, recipe, scenes * tries, observe).execute(LocalPool(workers))

@@ -82,7 +82,7 @@ class Benchmark:
                 f"got {len(self.objects)} objects and the strategies {', '.join(self.strategies) or 'none'}"
             )
 
-    def __call__(self) -> Callable[[Task], SceneResult]:
+    def start(self) -> Callable[[Task], SceneResult]:
         """The function from a scene to its result."""
         return _Worker(self).run
 
@@ -161,7 +161,7 @@ def run(
     unshifted = {result.number: result for result in known}
     todo = [Task(number, unshifted.get(number)) for number in range(attempts) if number not in results]
     if todo:
-        with processes(min(workers, len(todo))).start(benchmark) as work:
+        with processes(min(workers, len(todo))).start(benchmark.start) as work:
             for result in work(todo):
                 results[result.number] = result
                 if journal is not None:
@@ -187,14 +187,14 @@ class _Worker:
         planner = contestants.planner
         baselines: dict[str, Choose] = {
             "top_down": top_down(planner.reader, planner.robot),
-            "force_closure": ForceClosure(planner.prior, self.lift_test),
+            "force_closure": ForceClosure(planner.prior, self.lift_test).choose,
             "plan": planned(planner),
         }
         return model_strategies(contestants.model, planner.prior, self.benchmark.search) | baselines
 
     def run(self, task: Task) -> SceneResult:
         """The result of one scene."""
-        situation = self.scenes(task.number)
+        situation = self.scenes.make(task.number)
         trials = {
             name: self._repeat(name, task.known, situation)
             if task.known is not None and name in task.known.trials and not replans(name, self.benchmark.shift)

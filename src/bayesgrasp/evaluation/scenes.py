@@ -89,7 +89,7 @@ class SceneMaker:
         self.shift = shift
         self.sensor = DepthSensor(self.objects, config=shift.sensor_config)
 
-    def __call__(self, number: int) -> Situation:
+    def make(self, number: int) -> Situation:
         """Scene i."""
         rng = generator(self.seed, Stream.BENCHMARK_SCENE, number)
         index = number % len(self.objects)

@@ -74,7 +74,7 @@ class SimulatedWorld:
     lift_test: LiftTestConfig = field(default_factory=LiftTestConfig)
     sensor: KinectConfig = field(default_factory=KinectConfig)
 
-    def __call__(self) -> World:
+    def build(self) -> World:
         """Build them; a worker does this once."""
         test = LiftTest(self.objects, self.lift_test)
         sensor = DepthSensor(self.objects, config=self.sensor)

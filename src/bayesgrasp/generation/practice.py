@@ -66,7 +66,7 @@ class PracticeRecipe(Recipe):
     propose: Callable[[], Proposer]
     given: Given = "image"
 
-    def __call__(self) -> Callable[[Task], Done]:
+    def start(self) -> Callable[[Task], Done]:
         """The function that a worker runs for every task."""
         maker = PracticeMaker(self.build(), self.propose(), self.config, self.seed, self.scene, self.given)
         return lambda task: finish(maker.make(task.chunk, task.rows), task.chunk)

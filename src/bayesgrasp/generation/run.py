@@ -71,7 +71,7 @@ class Recipe:
     seed: int
     scene: ScenePrior
 
-    def __call__(self) -> Callable[[Task], Done]:
+    def start(self) -> Callable[[Task], Done]:
         """The function that a worker runs for every task."""
         maker = ChunkMaker(self.build(), self.config, self.seed, self.scene)
         return lambda task: finish(maker.make(task.chunk, task.rows, task.proposal), task.chunk)
@@ -141,7 +141,7 @@ class Run:
             self.progress = Progress(counts["attempts"], successes, counts["scenes"], self.attempts, 0)
             self.observe(self.progress)
             if self._missing():
-                with executor.start(self.recipe) as run:
+                with executor.start(self.recipe.start) as run:
                     for tasks in self._rounds():
                         for done in run(tasks):
                             self._keep(done)

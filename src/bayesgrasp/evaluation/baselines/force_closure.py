@@ -57,7 +57,7 @@ class ForceClosure:
         self.prior, self.lift_test, self.config = prior, lift_test, config or ForceClosureConfig()
         self._closing: dict[GraspType, ClosingHand] = {}
 
-    def __call__(self, situation: Situation, rng: np.random.Generator) -> Hands:
+    def choose(self, situation: Situation, rng: np.random.Generator) -> Hands:
         """The best hand, batch shape (1,)."""
         hands = self.prior.sample(self.config.draws, rng)
         scores = np.array([self._score(hands, row, situation) for row in range(self.config.draws)])
