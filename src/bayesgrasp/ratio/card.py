@@ -19,10 +19,10 @@ from bayesgrasp.errors import BayesgraspError, CheckpointError, FileError, shown
 from bayesgrasp.files import MIB, read_json, write_json
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.observation.familiarity import Familiarity
+from bayesgrasp.plain_data import is_number, restored
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.kinds import KINDS_OF_ROLE
+from bayesgrasp.ratio.kinds import KINDS_OF_ROLE, LIMITS
 from bayesgrasp.ratio.model import POWER, ROLES
-from bayesgrasp.ratio.plain_data import is_number, restored
 from bayesgrasp.sealed import sealed, unsealed
 
 SCHEMA = 1
@@ -129,7 +129,10 @@ def _is_camera(value: Any) -> bool:
 
 
 def _is_prior(value: Any) -> bool:
-    restored(GraspPrior, value, "the prior")
+    try:
+        restored(GraspPrior, value, LIMITS)
+    except ValueError as error:
+        raise CheckpointError(f"the prior is not valid: {error}") from error
     return True
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from torch import nn
 
 from bayesgrasp.errors import CheckpointError, InvalidConfigurationError, shown
+from bayesgrasp.plain_data import Limits, plain, restored
 from bayesgrasp.ratio.estimators import (
     FullConfig,
     FullSuccess,
@@ -21,7 +22,6 @@ from bayesgrasp.ratio.estimators import (
     SuccessRatioConfig,
 )
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
-from bayesgrasp.ratio.plain_data import plain, restored
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ KINDS: dict[str, Kind] = {
     "global": Kind(ImageConfig, GlobalSuccess),
     "local": Kind(LocalConfig, LocalSuccess),
 }
+LIMITS = Limits(count=100_000, number=1e6, items=4096)
+"""What is believed of a configuration in a file."""
 KINDS_OF_ROLE = {
     "success_ratio": ("success_ratio",),
     "image": ("image",),
@@ -81,4 +83,7 @@ def config_from_dict(kind: str, content: Any) -> object:
     """
     if kind not in KINDS:
         raise CheckpointError(f"the model has an estimator of unknown kind {shown(kind)}; known: {', '.join(KINDS)}")
-    return restored(KINDS[kind].config, content, f"the configuration of the {kind} estimator")
+    try:
+        return restored(KINDS[kind].config, content, LIMITS)
+    except ValueError as error:
+        raise CheckpointError(f"the configuration of the {kind} estimator is not valid: {error}") from error
