@@ -134,8 +134,8 @@ class GripperHandle:
         self.is_geom = np.isin(model.geom_bodyid, bodies)
         self._open = {g: gripper.open_angles(g) for g in GraspType}
         self._slack = {g: np.array([gripper.tendon(m, self._open[g]) for m in gripper.motors]) for g in GraspType}
-        self._holders = np.array([model.actuator(f"{name}_servo").id for name in gripper.holders])
-        self._held = [gripper.joint_names.index(name) for name in gripper.holders]
+        self._holders = np.array([model.actuator(f"{name}_servo").id for name in gripper.holders], dtype=np.int64)
+        self._held = np.array([gripper.joint_names.index(name) for name in gripper.holders], dtype=np.int64)
         self._motors = np.array([model.actuator(motor.name).id for motor in gripper.motors])
         self._torque = np.array([motor.torque for motor in gripper.motors])
         self._speed = np.array([motor.speed for motor in gripper.motors])
