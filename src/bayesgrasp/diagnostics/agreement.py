@@ -54,7 +54,9 @@ def cohens_kappa(table: Table, level: float = 0.95) -> tuple[float, tuple[float,
     if total == 0 or chance >= 1.0:
         raise InvalidConfigurationError("kappa needs cases in at least two categories")
     kappa = (float(np.trace(share)) - chance) / (1.0 - chance)
+    # The three sums of the variance, in the order of the formula above; rows and columns are p_i. and p_.i.
     agreeing = float(np.diag(share) @ (1.0 - (rows + columns) * (1.0 - kappa)) ** 2)
+    # (i, j) is weighed by p_.i + p_j., the shares of the *other* rater: columns along i, rows along j.
     apart = (1.0 - np.eye(len(table))) * share * (columns[:, None] + rows[None, :]) ** 2
     spread = agreeing + (1.0 - kappa) ** 2 * float(apart.sum()) - (kappa - chance * (1.0 - kappa)) ** 2
     half = float(norm.ppf(0.5 + level / 2)) * float(np.sqrt(max(spread, 0.0) / total)) / (1.0 - chance)

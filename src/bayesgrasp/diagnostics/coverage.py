@@ -70,6 +70,7 @@ def hpd_mass(
     if draws.size == 0 or np.isnan(truth).any() or np.isnan(draws).any():
         raise InvalidConfigurationError("coverage needs at least one truth, at least one draw each, and no NaN")
     weights = np.ones_like(draws) if weights is None else weights
+    # A draw at the very density of the truth is on the border of the region: half inside.
     above = (draws > truth[:, None]) + 0.5 * (draws == truth[:, None])
     shares: Float[np.ndarray, "n"] = (above * weights).sum(-1) / weights.sum(-1)
     return shares

@@ -40,5 +40,6 @@ def paired_difference(
     n = len(first)
     one, other = int((first & ~second).sum()), int((second & ~first).sum())
     p, q = (one + 1) / (n + 2), (other + 1) / (n + 2)
+    # The point estimate is the plain one; only the interval is about the shrunken shares.
     half = float(norm.ppf(0.5 + level / 2)) * float(np.sqrt((p + q - (p - q) ** 2) / (n + 2)))
     return (one - other) / n, (max(p - q - half, -1.0), min(p - q + half, 1.0))

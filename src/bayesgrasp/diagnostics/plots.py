@@ -21,6 +21,7 @@ def plot_coverage(curves: Mapping[str, Coverage], path: Path) -> None:
     """Coverage against credibility, with the band in which 95 % of right posteriors would lie, level by level."""
     figure = Figure(figsize=(4.2, 4.0), layout="constrained")
     axes = figure.add_subplot(xlabel="credibility level", ylabel="expected coverage", xlim=(0, 1), ylim=(0, 1))
+    # Whether a truth is inside is a coin toss of that level, so counts are binomial; the widest band is shown.
     count = min(curve.count for curve in curves.values())
     levels = np.linspace(0, 1, 101)
     low, high = (stats.binom.ppf(q, count, levels) / count for q in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
@@ -81,6 +82,7 @@ def save(figure: Figure, path: Path) -> None:
 
 def _histogram(axes: Axes, rank: Ranks, bins: int) -> None:
     counts, total = rank.histogram(bins), len(rank.ranks)
+    # Each truth falls into a given bin with probability 1 / bins.
     low, high = (stats.binom.ppf(q, total, 1 / bins) for q in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
     axes.axhspan(low, high, color=GREY)
     axes.axhline(total / bins, color="0.4", linewidth=0.8)

@@ -68,6 +68,7 @@ def judge(observation: Observation, draws: int, rng: torch.Generator) -> Judged:
     with torch.no_grad():
         log_density = observation.log_posterior(observation.proposals).double()
         truth = observation.log_posterior(observation.truth[None]).double()
+    # Importance weights p(h | S=1, i) / q(h), normalised, so that constants of either density do not matter.
     weight = torch.softmax(log_density - observation.log_proposal.double(), 0)
     if not bool(weight.isfinite().all()):
         raise InvalidConfigurationError("the log-posterior is not finite at any proposal, or is NaN at one")

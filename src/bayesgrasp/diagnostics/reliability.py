@@ -72,9 +72,10 @@ def reliability(
     if not weight.sum() > 0:
         raise InvalidConfigurationError("reliability needs weights with a positive sum")
     weight = weight / weight.sum()
+    # A probability of exactly 1 belongs to the last bin.
     index = np.minimum((probability * bins).astype(int), bins - 1)
     share, sums, hits = (np.bincount(index, weight * x, bins) for x in (np.ones_like(weight), probability, success))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # an empty bin has no mean: NaN
         predicted, observed = sums / share, hits / share
     ece = float(np.nansum(share * np.abs(predicted - observed)))
     brier = float((weight * (probability - success) ** 2).sum())
@@ -88,6 +89,7 @@ def auc(
 ) -> float:
     """Weighted area under the ROC curve; NaN without both outcomes."""
     weight = np.ones_like(score) if weight is None else weight
+    # One bin for each different score: its successes beat all failures of the bins below, and half of their own.
     ranks = stats.rankdata(score, "dense") - 1
     positive = np.bincount(ranks, weight * success)
     negative = np.bincount(ranks, weight * (1 - success))

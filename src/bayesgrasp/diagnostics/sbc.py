@@ -43,7 +43,7 @@ class Ranks:
     @property
     def spread(self) -> float:
         """Standard deviation over that of a uniform variable: below 1 for too wide, above 1 for too narrow."""
-        return float(self.position.std() * np.sqrt(12.0))
+        return float(self.position.std() * np.sqrt(12.0))  # a uniform variable on (0, 1) has a variance of 1/12
 
     @property
     def shift(self) -> float:
@@ -63,6 +63,7 @@ class Ranks:
 def statistics(hands: Hands) -> dict[str, np.ndarray]:
     """The scalar statistics of hands of any batch shape: metres, radians, type."""
     rotation = hands.rotation
+    # Columns of R are the hand's axes in the world: x is the approach (down at tilt 0), y the closing direction.
     tilt = torch.acos((-rotation[..., 2, 0]).clamp(-1.0, 1.0))
     yaw = torch.atan2(rotation[..., 1, 1], rotation[..., 0, 1])
     x, y, z = hands.position.unbind(-1)

@@ -149,6 +149,7 @@ class AnalyticGrasping:
 
     def sample_successes(self, n: int, rng: np.random.Generator) -> AnalyticDraws:
         """Draws from p(h, o, i | S=1), without waiting for successes."""
+        # All poses are equally likely, so p(o | S=1) is proportional to Z_o; then h given o and S=1.
         index = rng.choice(len(self.poses), size=n, p=torch.softmax(self.grasp.log_evidence, -1).numpy())
         hands = self.grasp.sample_hands(index, rng)
         return AnalyticDraws(hands, torch.ones(n, dtype=torch.bool), self.sample_image(index, rng), index)
@@ -175,6 +176,7 @@ class AnalyticPosterior:
 
     def sample(self, n: int, rng: np.random.Generator) -> Hands:
         """Independent draws, float32."""
+        # p(o | S=1, i) is proportional to p(o | i) Z_o, since S does not depend on i given o; then h given o and S=1.
         log_weight = self.problem.log_pose_given_image(self.image) + self.problem.grasp.log_evidence
         index = rng.choice(len(log_weight), size=n, p=torch.softmax(log_weight, -1).numpy())
         return self.problem.grasp.sample_hands(index, rng)

@@ -118,6 +118,7 @@ class BarGrasp:
     @cached_property
     def log_evidence(self) -> Float64[Tensor, "K"]:
         """Logarithm of Z_o for every object pose."""
+        # Given o, the factors of x, y, (z and g) and R are independent under the prior, so their means multiply.
         on_table = self._box_mean(0, self.poses[:, 0]) * self._box_mean(1, self.poses[:, 1])
         return torch.from_numpy(np.log(on_table * self._fit_means[self._turn] * self._type_evidence.sum()))
 
@@ -136,7 +137,7 @@ class BarGrasp:
             proposal = self.prior.sample(PROPOSALS * len(waiting), rng).rotation.unflatten(0, (-1, PROPOSALS))
             fit = self._log_fit(proposal)[np.arange(len(waiting)), :, turn[waiting]].exp().numpy()
             accept = rng.random(fit.shape) < fit
-            done = accept.any(1)
+            done = accept.any(1)  # the first accepted one; taking the best would favour fitting rotations
             result[waiting[done]] = proposal[done, accept.argmax(1)[done]]
             waiting = waiting[~done]
         return result
@@ -144,12 +145,15 @@ class BarGrasp:
     def _log_fit(self, rotation: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch turns"]:
         """Logarithm of k_o(R), for every yaw."""
         a = self.config.sharpness
+        # c_j^2 = cos^2 of half the angle between R and R_oj: trace(R_oj^T R) is the sum of products of all entries.
         squared = (1 + torch.einsum("jtkl,...kl->...jt", self._targets.to(rotation), rotation)) / 4
+        # Where R = R_o1, R_o2 is half a turn away (c_2 = 0): the sum is 1 + exp(-a) there, and nowhere more.
         return torch.logsumexp(a * (squared - 1), -2) - math.log1p(math.exp(-a))
 
     def _box_mean(self, axis: int, centre: Float64[np.ndarray, "m"]) -> Float64[np.ndarray, "m"]:
         """Mean over one side of the prior's box of the Gaussian factor about each centre."""
         low, high, s = self.prior.low[axis], self.prior.high[axis], self.config.deviation[axis]
+        # The integral of exp(-((x - c) / s)^2 / 2) over [low, high], divided by its length.
         return (ndtr((high - centre) / s) - ndtr((low - centre) / s)) * s * math.sqrt(2 * math.pi) / (high - low)
 
     @cached_property
@@ -192,6 +196,7 @@ def _truncated_normal(
 ) -> Float32[np.ndarray, "n 3"]:
     """Gaussian draws within a box, by inverting the distribution function."""
     below, above = (ndtr((np.array(corner) - centre) / deviation) for corner in (low, high))
+    # A uniform number between the values of the distribution function at the corners, through its inverse.
     draws = centre + deviation * ndtri(below + (above - below) * rng.random(centre.shape))
     inside: np.ndarray = np.clip(draws.astype(np.float32), np.array(low, np.float32), np.array(high, np.float32))
     return inside

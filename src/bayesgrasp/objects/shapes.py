@@ -74,6 +74,7 @@ def wedge(x: float, y: float, z: float) -> Solid:
 def ellipsoid(x: float, y: float, z: float) -> Solid:
     """An ellipsoid with these diameters as a polyhedron, flat where it touches the table so that it does not tilt."""
     polar = (np.arange(BALL_RINGS) + 0.5) * np.pi / BALL_RINGS
+    # The first and the last ring are half a step away from the poles: the lowest one is the flat foot.
     rings = [_ring(0.5 * np.sin(angle), 0.5 - 0.5 * np.cos(angle), 2 * BALL_RINGS) for angle in polar]
     return hull(np.concatenate(rings) * (x, y, z))
 
@@ -89,6 +90,7 @@ def turned(profile: Profile) -> Solid:
 def hollow(outer: Profile, wall: float, floor: float) -> Solid:
     """An open vessel: ``outer`` is its outside from base to rim, ``wall`` and ``floor`` its thickness."""
     bottom = outer[0][1] + floor
+    # Inside, the profile follows the outside at the wall's thickness, but never below the floor.
     inner = [(radius - wall, max(height, bottom)) for radius, height in outer]
     outline = [(0.0, outer[0][1]), *outer, *reversed(inner), (0.0, bottom)]
     foot = [(radius, height) for radius, height in outer if height < bottom]
@@ -143,6 +145,7 @@ def _convex_runs(profile: Profile) -> list[tuple[int, int]]:
     """Longest runs of steps whose slope only turns inwards, as pairs of first and last point."""
     points = np.array(profile)
     steps = np.diff(points, axis=0)
+    # Cross products of neighbouring steps; going up with the axis on the left, a right turn leaves the hull.
     turns = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
     breaks = [0, *(np.flatnonzero(turns < -1e-12) + 1), len(profile) - 1]
     return [(int(a), int(b)) for a, b in pairwise(breaks)]

@@ -56,6 +56,7 @@ def stretched(asset: ObjectAsset, factors: Float64[np.ndarray, "3"], name: str) 
     return replace(
         asset,
         id=name,
+        # One density: the determinant of diag(f) times the mass. Centre and inertia are those of the stretched parts.
         mass_kg=asset.mass_kg * float(np.prod(factors)),
         vertices=asset.vertices * factors,
         parts=parts,

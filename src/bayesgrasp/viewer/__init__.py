@@ -1,1 +1,1 @@
-"""Pictures and films of objects and attempts."""
+"""Pictures for people: objects and attempts, by ray casting."""

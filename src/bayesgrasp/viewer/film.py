@@ -35,7 +35,7 @@ def film_attempt(
     models: list[mujoco.MjModel] = []
 
     def record(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        states.append(data.qpos.copy())
+        states.append(data.qpos.copy())  # the engine goes on with the same object
         models.append(model)
 
     lift_test.observe(attempt, record)

@@ -43,8 +43,10 @@ def render(meshes: Sequence[ColoredMesh], camera: Camera) -> UInt8[np.ndarray, "
     picture = np.tile(_SKY, (len(directions), 1))
     seen = hit != _NO_HIT
     facing = normals[hit[seen]]
+    # Meshes may be wound either way and open, so a surface is lit on whichever side is seen.
     facing = np.where((facing * directions[seen]).sum(axis=1, keepdims=True) > 0, -facing, facing)
     sun = np.clip(facing @ _unit(_LIGHT), 0.0, 1.0)
+    # The fill light shines from the camera: what neither reaches keeps a quarter of its colour.
     fill = np.clip(-(facing * directions[seen]).sum(axis=1), 0.0, 1.0)
     picture[seen] = colors[hit[seen]] * (0.25 + 0.5 * sun + 0.25 * fill)[:, None]
     image: UInt8[np.ndarray, "h w 3"] = (255 * picture.clip(0, 1)).astype(np.uint8)
@@ -87,6 +89,7 @@ def _geom_triangles(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.nd
         solid = trimesh.creation.box(extents=(1.2, 1.2, 1e-4))
     else:
         solid = trimesh.creation.capsule(height=2 * size[1], radius=size[0], count=(16, 16))
+        # MuJoCo's capsule has its middle at the origin; trimesh's has in some releases only.
         solid.vertices[:, 2] -= 0.5 * (solid.vertices[:, 2].max() + solid.vertices[:, 2].min())
     return np.asarray(solid.vertices), np.asarray(solid.faces)
 
