@@ -252,9 +252,11 @@ def test_a_permitted_import_passes(module: str, source: str) -> None:
 def missing_modules(text: str) -> list[str]:
     """Files of Python, and modules with their room, that are named in backticks and that are not there."""
     wrong = []
-    for name in re.findall(r"`([\w./]+)`", text):
+    for name in re.findall(r"`(?:bayesgrasp\.)?([\w./]+)`", text):
         room, _, module = name.partition(".")
-        if name.endswith(".py"):
+        if name in FORMER:
+            wrong.append(name)
+        elif name.endswith(".py"):
             wrong += [] if any(f"/{path.relative_to(ROOT)}".endswith(f"/{name}") for path in EVERY_FILE) else [name]
         elif re.fullmatch("[a-z_]+", module) and room in FOLDERS_THEN_AND_NOW and module not in FILE_ENDINGS:
             wrong += [] if (PACKAGE / room / f"{module}.py").exists() or (PACKAGE / room / module).is_dir() else [name]
@@ -263,7 +265,9 @@ def missing_modules(text: str) -> list[str]:
 
 EVERY_FILE = [path for folder in ("src", "tests", "benchmarks", ".ci") for path in (ROOT / folder).rglob("*.py")]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("results/*.md")]
-FOLDERS_THEN_AND_NOW = {path.parent.name for path in INITS} | {"assets", "simulators", "benchmark"}
+FORMER = {"assets", "simulators"}
+"""Rooms that are no more, and whose names are no other words."""
+FOLDERS_THEN_AND_NOW = {path.parent.name for path in INITS} | FORMER | {"benchmark"}
 FILE_ENDINGS = {"json", "md", "png", "toml"}
 
 

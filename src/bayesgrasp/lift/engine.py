@@ -1,6 +1,6 @@
 """What a physics engine has to do for the lift test, and MuJoCo doing it.
 
-The scene is described once: arm, hand, table and object as a compiled MuJoCo model (`bayesgrasp.assets`). Its data
+The scene is described once: arm, hand, table and object as a compiled MuJoCo model (`objects`, `robot`). Its data
 (`mujoco.MjData`) is the state that all engines share: joint angles, the object's pose, set-points of the servos,
 tensions of the motors, the force on the object. An engine takes the state over, advances it by control periods, and
 says whether hand and object touch; everything else of a lift test (motion, closing, criterion, pictures) reads and
