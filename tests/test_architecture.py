@@ -250,11 +250,11 @@ def test_a_permitted_import_passes(module: str, source: str) -> None:
 
 
 def missing_modules(text: str) -> list[str]:
-    """Files of Python, and modules with their room, that are named in backticks and that are not there."""
+    """Files of the repository, and modules with their room, that are named in backticks and that are not there."""
     wrong = []
-    for name in re.findall(r"`(?:bayesgrasp\.)?([\w./]+)`", text):
+    for name in re.findall(r"`(?:bayesgrasp\.)?([\w./-]+)`", text):
         room, _, module = name.partition(".")
-        if name in FORMER:
+        if name.strip("/") in FORMER or (name.split("/")[0] in KEPT and not (ROOT / name).exists()):
             wrong.append(name)
         elif name.endswith(".py"):
             wrong += [] if any(f"/{path.relative_to(ROOT)}".endswith(f"/{name}") for path in EVERY_FILE) else [name]
@@ -265,6 +265,7 @@ def missing_modules(text: str) -> list[str]:
 
 EVERY_FILE = [path for folder in ("src", "tests", "benchmarks", ".ci") for path in (ROOT / folder).rglob("*.py")]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("results/*.md")]
+KEPT = {"results", "docs", "tests", "benchmarks", "examples"}
 FORMER = {"assets", "simulators"}
 """Rooms that are no more, and whose names are no other words."""
 FOLDERS_THEN_AND_NOW = {path.parent.name for path in INITS} | FORMER | {"benchmark"}
@@ -277,8 +278,10 @@ def test_modules_that_are_named_are_there() -> None:
 
 
 def test_a_module_that_is_named_and_missing_is_caught() -> None:
-    text = "see `simulators.hold`, `lift.hold`, `lift/hold.py`, `hold.py`, `lift/nowhere.py`, `nowhere.py`, `ray.wait`"
-    assert missing_modules(text) == ["simulators.hold", "lift/nowhere.py", "nowhere.py"]
+    there = "`lift.hold`, `lift/hold.py`, `hold.py`, `lift/`, `bayesgrasp.lift.hold`, `ray.wait`, `docs/index.md`"
+    assert missing_modules(there) == []
+    gone = "`simulators.hold`, `bayesgrasp.assets`, `assets/`, `lift/nowhere.py`, `nowhere.py`, `results/nowhere.json`"
+    assert len(missing_modules(gone)) == 6
 
 
 def test_test_files_have_names_of_their_own() -> None:
