@@ -86,6 +86,7 @@ def _build_and_count(log: Path, barrier) -> None:
     prepare(turned([(0.04, 0.0), (0.04, 0.05), (0.01, 0.06), (0.01, 0.1)]).mesh, "bottle")
 
 
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")  # from Python 3.12 on
 def test_many_processes_build_one_object_once(tmp_path: Path) -> None:
     context = multiprocessing.get_context("fork")
     barrier = context.Barrier(4)
