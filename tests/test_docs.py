@@ -3,6 +3,9 @@
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
+from functools import cache
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +16,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 from bayesgrasp import __version__
-from bayesgrasp.cli.main import COMMANDS
+from bayesgrasp.cli.main import COMMANDS, main
 from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.generation.run import Run, open_store
@@ -133,10 +136,22 @@ def test_a_planted_block_is_caught(block: str, monkeypatch: pytest.MonkeyPatch, 
         run_page(tmp_path / "page.md", {})
 
 
-def unknown_commands(text: str) -> list[str]:
-    """Commands of ours, targets of make and scripts that a piece of code names and that are not there."""
-    ours = [words.split() for words in re.findall(r"^(?:.*[$/ ])?bayesgrasp ([a-z]+(?: [a-z]+)?)", text, re.MULTILINE)]
-    wrong = [" ".join(words) for words in ours if words[0] not in COMMANDS and " ".join(words) not in COMMANDS]
+@cache
+def options(command: str) -> frozenset[str]:
+    """The options of one of our commands, as its help names them."""
+    with redirect_stdout(StringIO()) as help_text, pytest.raises(SystemExit):
+        main([*command.split(), "--help"])
+    return frozenset(re.findall(r"--[\w-]+", help_text.getvalue()))
+
+
+def unknown_words(text: str) -> list[str]:
+    """Commands and options of ours, targets of make and scripts that a piece of code names and that are not there."""
+    wrong = []
+    for line in re.findall(r"(?<![\w.-])(?<!import )bayesgrasp ([a-z][^;#|\n]*)", text.replace("\\\n", " ")):
+        first, second, *_ = [*line.split(), ""]
+        command = first if first in COMMANDS else f"{first} {second}"
+        given = re.findall(r"--[\w-]+", line)
+        wrong += [word for word in given if word not in options(command)] if command in COMMANDS else [command]
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     wrong += [target for target in re.findall(r"^make ([a-z]+)", text, re.MULTILINE) if target not in targets]
     scripts = re.findall(r"python ([a-z]+/\w+\.py)", text)
@@ -146,12 +161,14 @@ def unknown_commands(text: str) -> list[str]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_are_there(page: Path) -> None:
     code = [token.content for token in tokens(page) if token.type in {"fence", "code_block", "code_inline"}]
-    assert [wrong for text in code for wrong in unknown_commands(text)] == []
+    assert [wrong for text in code for wrong in unknown_words(text)] == []
 
 
 def test_a_command_that_is_not_there_is_caught() -> None:
-    text = "bayesgrasp data inspect\nbayesgrasp dance\nmake tea\nmake test\n.venv/bin/python examples/nowhere.py"
-    assert unknown_commands(text) == ["dance", "tea", "examples/nowhere.py"]
+    there = ".venv/bin/bayesgrasp data inspect out --no-verify\nmake test\nhead$ bayesgrasp plan \\\n --depth d.png  # -- so"
+    assert unknown_words(there) == []
+    gone = "bayesgrasp dance\nbayesgrasp plan --deep d.png\nmake tea\npython examples/nowhere.py"
+    assert unknown_words(gone) == ["dance ", "--deep", "tea", "examples/nowhere.py"]
 
 
 def test_set_up_is_for_pages_that_are_there() -> None:
