@@ -5,12 +5,12 @@ the lift height without collision of arm, hand and table; the hand's own contact
 no base avoids it. Run: ``python benchmarks/arm_reach.py --hands 2500``.
 """
 
-import argparse
 from collections.abc import Callable
 from functools import partial
 
 import mujoco
 import numpy as np
+import tyro
 from jaxtyping import Float64
 
 from bayesgrasp.prior.grasp import GraspPrior
@@ -59,15 +59,16 @@ def reaches(arm: ArmDescription, hand: Float64[np.ndarray, "4 4"], collides: Cal
     return False
 
 
-def main() -> None:
-    """Print the table of shares."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hands", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    hands = GraspPrior().sample(options.hands, generator(options.seed))
-    poses = np.tile(np.eye(4), (options.hands, 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = hands.rotation.numpy(), hands.position.numpy()
+def main(hands: int = 500, seed: int = 0) -> None:
+    """Print the table of shares.
+
+    Args:
+        hands: Draws from the prior.
+        seed: Of the draws.
+    """
+    drawn = GraspPrior().sample(hands, generator(seed))
+    poses = np.tile(np.eye(4), (hands, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = drawn.rotation.numpy(), drawn.position.numpy()
     print("base height m" + "".join(f"{f'x = {x:.2f} m':>14}" for x in DISTANCES))
     for z in HEIGHTS:
         arms = [ur5((x, 0.0, z)) for x in DISTANCES]
@@ -77,4 +78,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

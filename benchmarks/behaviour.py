@@ -21,6 +21,7 @@ from typing import Any
 from safetensors.torch import load_file, save_file
 
 import bayesgrasp
+from bayesgrasp.files import write_json
 
 Record = dict[str, Any]
 TIMES = ("seconds", "time", "timings")
@@ -40,7 +41,7 @@ def main() -> None:
             if not options.only or name in options.only:
                 record[name] = part(Path(folder))
                 print(f"{name}: {record[name]}", flush=True)
-                options.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+                write_json(options.json, record)
     if options.against is not None:
         raise SystemExit(_compare(json.loads(options.against.read_text(encoding="utf-8")), record))
 

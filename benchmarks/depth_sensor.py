@@ -8,8 +8,7 @@ noise); its depths are compared with ours on the same pixels. Its renderer needs
 
 from __future__ import annotations
 
-import argparse
-import json
+import json as json_module
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -24,6 +23,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 import mujoco
 import numpy as np
+import tyro
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
@@ -31,6 +31,7 @@ from bayesgrasp.depth import devices, kinect_kernels, ray_kernels
 from bayesgrasp.depth import sensor as depth_module
 from bayesgrasp.depth.mesh_tree import MeshTree
 from bayesgrasp.depth.sensor import DepthSensor
+from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.objects.catalogue import load_objects
@@ -163,17 +164,17 @@ def against_mujoco(objects: tuple[ObjectAsset, ...], scenes: Scenes, cameras: Ca
     return report
 
 
-def main() -> None:
-    """Measure and report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ycb-dir", type=Path, default=None, help="scans; household objects only without")
-    parser.add_argument("--images", type=int, default=200)
-    parser.add_argument("--mujoco-scenes", type=int, default=8)
-    parser.add_argument("--json", type=Path, default=None)
-    options = parser.parse_args()
+def main(ycb_dir: Path | None = None, images: int = 200, mujoco_scenes: int = 8, json: Path | None = None) -> None:
+    """Measure and report.
 
-    objects = load_objects("all", options.ycb_dir)
-    rng, n = generator(0), options.images
+    Args:
+        ycb_dir: Scans; by default $BAYESGRASP_YCB_DIR, and household objects only without.
+        images: How many are timed.
+        mujoco_scenes: How many of these scenes MuJoCo draws, too.
+        json: Where to write the numbers.
+    """
+    objects = load_objects("all", ycb_dir)
+    rng, n = generator(0), images
     scenes, cameras = ScenePrior(len(objects)).sample(n, rng), CameraPrior().sample(n, rng)
     sensor = DepthSensor(objects)
     sensor.images(scenes[:2], cameras[:2], rng)  # compiles
@@ -188,14 +189,14 @@ def main() -> None:
         "images_per_second": 1 / fast,
         "full_images_per_second": 1 / full,
         "share_of_time": {stage: seconds / total for stage, seconds in sorted(spent.items(), key=lambda s: -s[1])},
-        "same_scene": against_mujoco(objects, scenes[: options.mujoco_scenes], cameras[: options.mujoco_scenes]),
+        "same_scene": against_mujoco(objects, scenes[:mujoco_scenes], cameras[:mujoco_scenes]),
         "load_average": os.getloadavg()[0],
         "command": f"python benchmarks/depth_sensor.py --images {n} --ycb-dir DIR",
     }
-    print(json.dumps(report, indent=2))
-    if options.json is not None:
-        options.json.write_text(json.dumps(report, indent=2) + "\n")
+    print(json_module.dumps(report, indent=1))
+    if json is not None:
+        write_json(json, report)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main, description=__doc__)

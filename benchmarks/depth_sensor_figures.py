@@ -8,11 +8,11 @@ without it, the comparison with real images is left out.
 
 from __future__ import annotations
 
-import argparse
-import json
+import json as json_module
 from pathlib import Path
 
 import numpy as np
+import tyro
 from depth_real import draw_real
 from depth_scenes import ABOVE, KINECT, plate, scenes, show
 from matplotlib.axes import Axes
@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from bayesgrasp.depth.kinect import DEPTH_CONSTANT, axial_sigma, lateral_sigma, steep_sigma
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.depth.stereo import StereoConfig
+from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera import Camera, look_at
 from bayesgrasp.objects import household
 from bayesgrasp.observation.preprocess import preprocess
@@ -194,24 +195,24 @@ def _stereo_block(config: StereoConfig) -> dict[str, object]:
     }
 
 
-def main() -> None:
-    """Measure and draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--real-depth", type=Path, default=None)
-    parser.add_argument("--docs", type=Path, default=Path("docs/depth_sensor"))
-    parser.add_argument("--json", type=Path, default=None)
-    options = parser.parse_args()
+def main(real_depth: Path | None = None, docs: Path = Path("docs/depth_sensor"), json: Path | None = None) -> None:
+    """Measure and draw.
 
-    options.docs.mkdir(parents=True, exist_ok=True)
-    report = draw_laws(options.docs) | draw_edges(options.docs)
-    draw_scenes(options.docs)
-    report |= draw_stereo(options.docs)
-    if options.real_depth is not None:
-        report |= draw_real(options.real_depth, options.docs)
-    print(json.dumps(report, indent=1))
-    if options.json is not None:
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    Args:
+        real_depth: Directory of real depth images.
+        docs: Where the figures go.
+        json: Where to write the numbers.
+    """
+    docs.mkdir(parents=True, exist_ok=True)
+    report = draw_laws(docs) | draw_edges(docs)
+    draw_scenes(docs)
+    report |= draw_stereo(docs)
+    if real_depth is not None:
+        report |= draw_real(real_depth, docs)
+    print(json_module.dumps(report, indent=1))
+    if json is not None:
+        write_json(json, report)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main, description=__doc__)

@@ -21,6 +21,7 @@ import numpy as np
 import tyro
 from engines import ENGINES, Comparison, Options, tried
 
+from bayesgrasp.files import write_json
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
@@ -105,7 +106,7 @@ def main(options: Options) -> None:
     report["command"] = f"python benchmarks/engine_causes.py --attempts {options.attempts} --seed {options.seed}"
     print(json.dumps(report, indent=1))
     if options.out is not None:
-        options.out.write_text(json.dumps(report, indent=1) + "\n")
+        write_json(options.out, report)
 
 
 def judge_all(

@@ -26,6 +26,7 @@ from PIL import Image
 from bayesgrasp.diagnostics.agreement import cohens_kappa, confusion
 from bayesgrasp.diagnostics.intervals import paired_difference, wilson
 from bayesgrasp.errors import DataError
+from bayesgrasp.files import write_json
 from bayesgrasp.generation.pool import processes
 from bayesgrasp.generation.trials import CHUNK, Simulation
 from bayesgrasp.lift.lift_config import EngineName, LiftTestConfig
@@ -114,7 +115,7 @@ def main(options: Options) -> None:
     )
     print_report(report)
     if options.out is not None:
-        options.out.write_text(json.dumps(report, indent=1) + "\n")
+        write_json(options.out, report)
     if options.picture is not None:
         draw(attempts, outcomes, comparison.objects, options)
 

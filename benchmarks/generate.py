@@ -25,6 +25,7 @@ import tyro
 
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.shards import encode
+from bayesgrasp.files import write_json
 from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, SimulatedWorld
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal
@@ -86,10 +87,9 @@ def main(options: Options) -> None:
             directory = Path(folder) / str(workers)
             report["workers"][workers] = end_to_end(directory, world, config, scene, options.attempts, workers)
         report["loader"] = loading(directory)
-    text = json.dumps(report, indent=1)
-    print(text)
+    print(json.dumps(report, indent=1))
     if options.json is not None:
-        options.json.write_text(text + "\n")
+        write_json(options.json, report)
 
 
 def stages(world: SimulatedWorld, config: GenerateConfig, scene: ScenePrior) -> dict[str, float]:

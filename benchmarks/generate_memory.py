@@ -13,7 +13,6 @@ for reading is its own memory, without them. Needs Linux and about 220 bytes of 
 
 from __future__ import annotations
 
-import json as json_module
 import multiprocessing
 import resource
 import tempfile
@@ -29,6 +28,7 @@ import tyro
 
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.store import Manifest
+from bayesgrasp.files import write_json
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.run import Recipe, Run, open_store
@@ -53,7 +53,7 @@ def main(attempts: tuple[int, ...] = (10**5, 10**6, 10**7), json: Path | None = 
     for row in rows:
         print(", ".join(f"{name} {value:,.0f}" for name, value in row.items()))
     if json is not None:
-        json.write_text(json_module.dumps({"simulators": "a stand-in", "sets": rows}, indent=1) + "\n")
+        write_json(json, {"simulators": "a stand-in", "sets": rows})
 
 
 def measure(attempts: int) -> dict[str, float]:

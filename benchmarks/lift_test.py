@@ -9,7 +9,6 @@ instead of MuJoCo, as a ratio.
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 from pathlib import Path
@@ -17,8 +16,10 @@ from time import perf_counter, process_time
 
 import mujoco
 import numpy as np
+import tyro
 
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.files import write_json
 from bayesgrasp.generation.trials import CHUNK, Simulation, Trials
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
@@ -27,41 +28,42 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.types import Outcome
 
 
-def main() -> None:
-    """Measure and report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--attempts", type=int, default=10000)
-    parser.add_argument("--split", default="train-ycb")
-    parser.add_argument("--ycb-dir", type=Path, default=None)
-    parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--out", type=Path, default=None)
-    options = parser.parse_args()
+def main(
+    attempts: int = 10000, split: str = "train-ycb", ycb_dir: Path | None = None, seed: int = 3, out: Path | None = None
+) -> None:
+    """Measure and report.
 
-    objects = load_objects(options.split, options.ycb_dir)
-    plain = max(CHUNK, options.attempts // 10)
-    report: dict[str, object] = {
+    Args:
+        attempts: How many with screening on two processes; fewer of the slower kinds.
+        split: Objects.
+        ycb_dir: Scans; by default $BAYESGRASP_YCB_DIR.
+        seed: Of the attempts.
+        out: Write the report to this file.
+    """
+    objects = load_objects(split, ycb_dir)
+    plain = max(CHUNK, attempts // 10)
+    one = rate(objects, attempts // 2, seed, 1, True)[0]
+    unscreened = {workers: rate(objects, plain, seed, workers, False)[0] for workers in (1, 2)}
+    steps = physics_cost(objects, seed, LiftTestConfig())[0]
+    two, trials = rate(objects, attempts, seed, 2, True)
+    report = {
         "objects": len(objects),
         "attempts_per_second": {
-            "screening, 1 process": rate(objects, options.attempts // 2, options.seed, 1, True)[0],
-            "screening, 2 processes": 0.0,
-            "no screening, 1 process": rate(objects, plain, options.seed, 1, False)[0],
-            "no screening, 2 processes": rate(objects, plain, options.seed, 2, False)[0],
+            "screening, 1 process": one,
+            "screening, 2 processes": two,
+            "no screening, 1 process": unscreened[1],
+            "no screening, 2 processes": unscreened[2],
         },
-        "physics_steps_per_second": physics_cost(objects, options.seed, LiftTestConfig())[0],
+        "physics_steps_per_second": steps,
+        "outcomes": {o.name.lower(): float((trials.outcomes == o).mean()) for o in Outcome},
+        "success_interval": wilson(trials.successes, len(trials.outcomes)),
+        "engines": engines(objects, attempts // 2, seed),
+        "memory_mib_per_worker": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024,
+        "command": f"python benchmarks/lift_test.py --attempts {attempts} --split {split} --ycb-dir DIR",
     }
-    speed, trials = rate(objects, options.attempts, options.seed, 2, True)
-    report["attempts_per_second"]["screening, 2 processes"] = speed  # type: ignore[index]
-    report["outcomes"] = {o.name.lower(): float((trials.outcomes == o).mean()) for o in Outcome}
-    report["success_interval"] = wilson(trials.successes, len(trials.outcomes))
-    report["engines"] = engines(objects, options.attempts // 2, options.seed)
-    report["memory_mib_per_worker"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    report["command"] = (
-        f"python benchmarks/lift_test.py --attempts {options.attempts} --split {options.split} --ycb-dir DIR"
-    )
-    text = json.dumps(report, indent=2)
-    print(text)
-    if options.out is not None:
-        options.out.write_text(text + "\n")
+    print(json.dumps(report, indent=1))
+    if out is not None:
+        write_json(out, report)
 
 
 def rate(
@@ -119,4 +121,4 @@ def physics_cost(objects: tuple[ObjectAsset, ...], seed: int, config: LiftTestCo
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -7,7 +7,6 @@ Pymanopt gets the box of the prior as an infinite objective outside. Objectives 
     python benchmarks/map.py [--problems 100] [--starts 1] [--json FILE]
 """
 
-import json as json_module
 import time
 import warnings
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ import tyro
 from pymanopt.manifolds import Euclidean, Product, SpecialOrthogonalGroup
 from pymanopt.optimizers import ConjugateGradient
 
+from bayesgrasp.files import write_json
 from bayesgrasp.known.analytic import AnalyticGrasping
 from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points, with_every_type
 from bayesgrasp.posterior.potential import Potential, posterior_potential
@@ -130,7 +130,7 @@ def report(ours: list[Result], theirs: list[Result], json: Path | None) -> None:
     for name, value in content.items():
         print(f"{name:20} {value:.4g}")
     if json is not None:
-        json.write_text(json_module.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_json(json, content)
 
 
 if __name__ == "__main__":

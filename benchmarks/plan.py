@@ -7,22 +7,23 @@ the default architecture, which cost the same. The first call is stated apart: i
     python benchmarks/plan.py [--images 20] [--model DIR] [--json FILE]
 """
 
-import json as json_module
 import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
-import trimesh
 import tyro
 
 import bayesgrasp
 from bayesgrasp.depth.sensor import DepthSensor
+from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
+from bayesgrasp.meshes.mesh import Mesh
+from bayesgrasp.objects.shapes import box, prism
 from bayesgrasp.planning.planner import Planner
 from bayesgrasp.posterior.sampling import sample_posterior
 from bayesgrasp.prior.scene import ScenePrior
@@ -35,18 +36,10 @@ STAGES = ("view", "scene", "encode", "search", "reach")
 CAMERAS = ("canonical camera", "another camera")
 
 
-class Mesh(NamedTuple):
-    """What the sensor needs of an object."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-
-
 def meshes() -> list[Mesh]:
     """Boxes and cans that stand on z = 0, metres."""
-    boxes = [trimesh.creation.box((0.05, 0.12, 0.18)), trimesh.creation.box((0.07, 0.07, 0.07))]
-    solids = [*boxes, trimesh.creation.cylinder(0.033, 0.12), trimesh.creation.cylinder(0.05, 0.2)]
-    return [Mesh(np.array(s.vertices) - [0, 0, s.bounds[0, 2]], np.array(s.faces, np.int32)) for s in solids]
+    solids = (box(0.05, 0.12, 0.18), box(0.07, 0.07, 0.07), prism(0.033, 0.12, 32), prism(0.05, 0.2, 32))
+    return [solid.mesh for solid in solids]
 
 
 def other_camera() -> Camera:
@@ -145,7 +138,7 @@ def main(
     content["posterior samples"] = time_samples(planner, seed)
     print(describe(content))
     if json is not None:
-        json.write_text(json_module.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_json(json, content)
 
 
 if __name__ == "__main__":

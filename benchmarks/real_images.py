@@ -17,6 +17,7 @@ import tyro
 
 import bayesgrasp
 from bayesgrasp.errors import DepthImageError
+from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.observation.depth_files import read_depth
 from bayesgrasp.planning.figure import save_plan_figure
@@ -80,7 +81,7 @@ def main(images: Path, out: Path, model: Path | None = None, pose: bool = True, 
         save_plan_figure(out / f"{path.stem}.png", plan, depth, camera, planner.robot.hand)
     summary = {name: summarize([row[name] for row in rows.values()]) for name in ("map", "plan")}  # type: ignore[misc]
     print(json.dumps(summary, indent=1))
-    (out / "grasps.json").write_text(json.dumps({"summary": summary, "images": rows}, indent=1) + "\n")
+    write_json(out / "grasps.json", {"summary": summary, "images": rows})
 
 
 def summarize(verdicts: list[dict[str, object]]) -> dict[str, str]:

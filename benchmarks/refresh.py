@@ -10,7 +10,6 @@ are Wilson's and take tries for independent; that of the difference is over succ
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from bayesgrasp.cli.training import planar_refresh
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.diagnostics.intervals import wilson
+from bayesgrasp.files import write_json
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.prior.nuisance import NuisancePrior
@@ -64,7 +64,7 @@ def main(
     gap = report["original minus refreshed"]
     print(f"original minus refreshed: {gap['difference']:.2%} +- {gap['standard_error']:.2%} (one standard error)")
     if json is not None:
-        json.write_text(json_module.dumps(report, indent=1) + "\n")
+        write_json(json, report)
 
 
 def chosen(dataset: GraspDataset, count: int, seed: int) -> AttemptRecords:

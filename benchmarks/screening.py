@@ -5,29 +5,43 @@ python benchmarks/screening.py --attempts 20000 --ycb-dir DIR [--workers 2] [--o
 
 from __future__ import annotations
 
-import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+import tyro
 
+from bayesgrasp.files import write_json
 from bayesgrasp.generation.trials import Simulation
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
 
-def main() -> None:
-    """Compare and report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--attempts", type=int, default=20000)
-    parser.add_argument("--split", default="all")
-    parser.add_argument("--ycb-dir", type=Path, default=None)
-    parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=None)
-    options = parser.parse_args()
+@dataclass(frozen=True)
+class Options:
+    """What to compare.
 
+    Attributes:
+        attempts: How many.
+        split: Objects.
+        ycb_dir: Scans; by default $BAYESGRASP_YCB_DIR.
+        seed: Of the attempts.
+        workers: Processes.
+        out: Write the report to this file.
+    """
+
+    attempts: int = 20000
+    split: str = "all"
+    ycb_dir: Path | None = None
+    seed: int = 7
+    workers: int = 2
+    out: Path | None = None
+
+
+def main(options: Options) -> None:
+    """Compare and report."""
     objects = load_objects(options.split, options.ycb_dir)
     outcomes, seconds = {}, {}
     for screening in (True, False):
@@ -43,16 +57,16 @@ def main() -> None:
         "attempts": options.attempts,
         "objects": len(objects),
         "different_outcomes": len(differ),
-        "different_success": int(((outcomes[True] == 4) != (outcomes[False] == 4)).sum()),
+        "different_success": int(((outcomes[True] == Outcome.SUCCESS) != (outcomes[False] == Outcome.SUCCESS)).sum()),
         "outcomes": {o.name.lower(): int((outcomes[False] == o).sum()) for o in Outcome},
         "speed_up": seconds[False] / seconds[True],
         "command": f"python benchmarks/screening.py --attempts {options.attempts} --split {options.split} "
         f"--seed {options.seed} --ycb-dir DIR",
     }
-    print(json.dumps(report, indent=2))
+    print(json.dumps(report, indent=1))
     if options.out is not None:
-        options.out.write_text(json.dumps(report, indent=2) + "\n")
+        write_json(options.out, report)
 
 
 if __name__ == "__main__":
-    main()
+    main(tyro.cli(Options, description=__doc__))

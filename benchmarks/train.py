@@ -29,12 +29,13 @@ import tyro
 from torch import Tensor, nn
 
 from bayesgrasp.data.schema import Batch
+from bayesgrasp.files import write_json
 from bayesgrasp.known.analytic import AnalyticConfig, AnalyticGrasping
 from bayesgrasp.known.bar_image import BarImage
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
-from bayesgrasp.ratio.layers import ConvEncoder, HandConfig, HandFeatures
+from bayesgrasp.ratio.layers import ConvEncoder, HandFeatures
 from bayesgrasp.ratio.model import GraspModel, Role
 from bayesgrasp.seeding import generator, torch_generator
 from bayesgrasp.training.objectives import ImageObjective, Objective
@@ -152,11 +153,12 @@ def held_out_loss(score: Callable[[Tensor, Hands], Tensor], pairs: Pairs, shifts
 
 
 def by_us(training: Pairs, held_out: Pairs, epochs: int, seed: int = 0, bf16: bool = True) -> dict[str, float]:
-    """The paper's d_theta in this package's loop, NRE-A."""
+    """The paper's d_theta (the preset's architecture) in this package's loop, NRE-A."""
+    (part,) = preset("paper", Setup(), ("image",))
     schedule = TrainConfig(epochs=epochs, seed=seed, bf16=bf16)
     started = time.process_time()
     objective = ImageObjective(hands=1, shifts=1)
-    result = train(lambda: build("image", ImageConfig()), objective, training, held_out, schedule)
+    result = train(partial(build, part.kind, part.config), objective, training, held_out, schedule)
     spent = time.process_time() - started
     estimator: Any = result.estimator
 
@@ -173,8 +175,11 @@ def by_sbi(training: Pairs, held_out: Pairs, epochs: int) -> dict[str, float]:
     from sbi.neural_nets import classifier_nn
     from torch.utils.tensorboard import SummaryWriter
 
-    features = HandFeatures(HandConfig()).requires_grad_(False)
-    encoder = initialised(lambda: ConvEncoder(ImageConfig().encoder), 0)
+    (part,) = preset("paper", Setup(), ("image",))
+    if not isinstance(part.config, ImageConfig):
+        raise TypeError(f"the paper's d_theta has another architecture: {part.config}")
+    features = HandFeatures(part.config.hand).requires_grad_(False)
+    encoder = initialised(partial(ConvEncoder, part.config.encoder), 0)
 
     def vector(hands: Hands) -> Tensor:
         return torch.cat([features(hands)[..., :12], hands.grasp_type[..., None].float() - 1], -1)
@@ -243,10 +248,9 @@ def main(
         result["side by side"]["sbi"] = by_sbi(training, held_out, epochs)
     if seeds:
         result["precision"] = precision(training, held_out, epochs, seeds)
-    text = dumps(result, indent=1)
-    print(text)
+    print(dumps(result, indent=1))
     if json is not None:
-        json.write_text(text + "\n", encoding="utf-8")
+        write_json(json, result)
 
 
 def rates(name: PresetName, role: Role) -> dict[str, float]:
