@@ -165,7 +165,7 @@ def test_commands_are_there(page: Path) -> None:
 
 
 def test_a_command_that_is_not_there_is_caught() -> None:
-    there = ".venv/bin/bayesgrasp data inspect out --no-verify\nmake test\nhead$ bayesgrasp plan \\\n --depth d.png  # -- so"
+    there = ".venv/bin/bayesgrasp data inspect out --no-verify\nmake test\nhead$ bayesgrasp plan \\\n --depth d.png #"
     assert unknown_words(there) == []
     gone = "bayesgrasp dance\nbayesgrasp plan --deep d.png\nmake tea\npython examples/nowhere.py"
     assert unknown_words(gone) == ["dance ", "--deep", "tea", "examples/nowhere.py"]
