@@ -168,7 +168,7 @@ def loading(directory: Path) -> dict[str, float]:
     report["images unpacked per second"] = scenes / (time.process_time() - start)
     start = time.process_time()
     for epoch in range(EPOCHS):
-        for _ in loader(epoch):
+        for _ in loader.batches(epoch):
             pass
     report["images loaded per second (warm page cache)"] = EPOCHS * scenes / (time.process_time() - start)
     report["this process at its largest, MiB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10

@@ -92,7 +92,7 @@ def read_all(directory: Path) -> dict[str, float]:
     scenes, attempts = dataset.scenes("train"), dataset.attempts("train")
     len(attempts.columns)  # unpacks
     unpacking = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
-    reading = max(own_memory() for batches in (scenes(0), attempts(0)) for _ in batches)
+    reading = max(own_memory() for batches in (scenes.batches(0), attempts.batches(0)) for _ in batches)
     return {"unpacking MiB": unpacking, "reading MiB": reading}
 
 

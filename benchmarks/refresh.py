@@ -19,7 +19,6 @@ import numpy as np
 import torch
 import tyro
 
-from bayesgrasp.cli.training import planar_refresh
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.diagnostics.intervals import wilson
@@ -30,6 +29,7 @@ from bayesgrasp.prior.nuisance import NuisancePrior
 from bayesgrasp.prior.planar_symmetry import moved, to_object
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Attempts, Outcome
+from bayesgrasp.workflows.training_data import planar_refresh
 
 MOVES = ((0.1, 0.01), (1.0, 0.1), (5.0, 2.0))
 """Moves of hand and object together: millimetres in a random direction, degrees in a random sense."""

@@ -40,7 +40,8 @@ from bayesgrasp.ratio.model import GraspModel, Role
 from bayesgrasp.seeding import generator, torch_generator
 from bayesgrasp.training.objectives import ImageObjective, Objective
 from bayesgrasp.training.presets import PresetName, Setup, preset
-from bayesgrasp.training.train_estimator import TrainConfig, initialised, train
+from bayesgrasp.training.sources import Sources
+from bayesgrasp.training.train_estimator import TrainConfig, initialised, train_estimator
 from bayesgrasp.types import Hands
 
 SCENES, HANDS, REPEATS = 32, 32, 5
@@ -79,7 +80,7 @@ def training_rate(estimator: nn.Module, objective: Objective, bf16: bool) -> flo
 
     def step() -> None:
         with torch.autocast("cpu", torch.bfloat16, enabled=bf16):
-            loss = objective(estimator, batch, torch_generator(0))
+            loss = objective.loss(estimator, batch, torch_generator(0))
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
         optimizer.step()
@@ -122,7 +123,7 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.images) // self.batch_size
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
+    def batches(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         order = torch.randperm(len(self.images), generator=torch_generator(5, epoch))
         return (self.batch(order[i * self.batch_size : (i + 1) * self.batch_size]) for i in range(len(self)))
@@ -158,7 +159,7 @@ def by_us(training: Pairs, held_out: Pairs, epochs: int, seed: int = 0, bf16: bo
     schedule = TrainConfig(epochs=epochs, seed=seed, bf16=bf16)
     started = time.process_time()
     objective = ImageObjective(hands=1, shifts=1)
-    result = train(partial(build, part.kind, part.config), objective, training, held_out, schedule)
+    result = train_estimator(partial(build, part.kind, part.config), objective, Sources(training, held_out), schedule)
     spent = time.process_time() - started
     estimator: Any = result.estimator
 

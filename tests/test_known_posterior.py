@@ -25,7 +25,8 @@ from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import generator, torch_generator
 from bayesgrasp.training.objectives import ImageObjective, Objective, SuccessObjective, SuccessRatioObjective
-from bayesgrasp.training.train_estimator import TrainConfig, train
+from bayesgrasp.training.sources import Sources
+from bayesgrasp.training.train_estimator import TrainConfig, train_estimator
 from bayesgrasp.types import Hands
 
 Ratio = Callable[[Hands], Tensor]
@@ -45,7 +46,7 @@ class Simulated:
     def __len__(self) -> int:
         return self.steps
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
+    def batches(self, epoch: int) -> Iterator[Batch]:
         return (self.make(generator(self.seed, epoch, step)) for step in range(self.steps))
 
 
@@ -90,8 +91,8 @@ def tries(rng: np.random.Generator) -> Batch:
 
 def fitted(kind: str, config: object, objective: Objective, make: Callable, steps: int) -> nn.Module:
     schedule = TrainConfig(epochs=1, learning_rate=3e-3, average=0.995, weight_decay=1e-4, bf16=False)
-    training, held_out = Simulated(make, steps, seed=1), Simulated(make, 2, seed=2)
-    result = train(lambda: build(kind, config), objective, training, held_out, schedule)
+    sources = Sources(Simulated(make, steps, seed=1), Simulated(make, 2, seed=2))
+    result = train_estimator(lambda: build(kind, config), objective, sources, schedule)
     return result.estimator.requires_grad_(False)
 
 

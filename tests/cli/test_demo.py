@@ -9,12 +9,13 @@ import torch
 from PIL import Image
 from untrained_model import save_untrained
 
+from bayesgrasp.cli import demo as command
 from bayesgrasp.cli.main import main
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.surface import SurfaceReader
 from bayesgrasp.planning.planner import Planner, Posterior
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows import load
+from bayesgrasp.workflows.load import load_planner
 
 
 def given_image(image: torch.Tensor):
@@ -37,12 +38,12 @@ def nothing_works(image: torch.Tensor):
 
 @pytest.fixture(scope="module")
 def planner(tmp_path_factory: pytest.TempPathFactory) -> Planner:
-    return load.load_planner(save_untrained(tmp_path_factory.mktemp("demo") / "model"))
+    return load_planner(save_untrained(tmp_path_factory.mktemp("demo") / "model"))
 
 
 def show(monkeypatch: pytest.MonkeyPatch, planner: Planner, rule, out: Path) -> np.ndarray:
     thinker = replace(planner, posterior=Posterior(rule, lambda value: value.sigmoid()))
-    monkeypatch.setattr(load, "load_planner", lambda model: thinker)
+    monkeypatch.setattr(command, "load_planner", lambda model: thinker)
     main(["demo", "--object", "household_carton", "--seed", "1", "--out", str(out)])
     return np.asarray(Image.open(out))
 

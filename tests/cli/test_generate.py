@@ -9,14 +9,16 @@ from PIL import Image
 from bayesgrasp.cli.data import inspect
 from bayesgrasp.cli.generate import generate
 from bayesgrasp.cli.main import main
+from bayesgrasp.cli.object_set import ObjectSet
 from bayesgrasp.data.loader import GraspDataset
 
-OPTIONS = {"seed": 3, "split": "household_drink_can", "attempts_per_draw": 40, "draws_per_chunk": 2, "hands": 8}
+CAN = ObjectSet("household_drink_can")
+OPTIONS = {"seed": 3, "attempts_per_draw": 40, "draws_per_chunk": 2, "hands": 8}
 
 
 def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "set"
-    generate(100, out, workers=1, scenes_per_draw=2, **OPTIONS)  # type: ignore[arg-type]
+    generate(100, out, workers=1, objects=CAN, scenes_per_draw=2, **OPTIONS)  # type: ignore[arg-type]
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["totals"]["attempts"] == 100 == sum(manifest["totals"]["outcomes"].values())
     assert manifest["objects"][0]["id"] == "household_drink_can"
@@ -24,7 +26,7 @@ def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "100 attempts" in capsys.readouterr().out
     dataset = GraspDataset(out)
     assert len(dataset.scene_columns["draw"]) == 2 * 3
-    image = next(iter(dataset.scenes("all")(0))).images
+    image = next(iter(dataset.scenes("all").batches(0))).images
     assert ((image == 0) | ((image >= 0.45 - 1e-4) & (image <= 1.0 + 1e-4))).all()
     assert 0.5 < (image > 0).float().mean() < 1
     inspect(out, verify=True)

@@ -42,7 +42,7 @@ def together(batches: list[Batch]) -> tuple[torch.Tensor, ...]:
 
 
 def test_an_epoch_is_whole_batches_and_the_same_when_asked_again(attempts: RefreshedAttempts) -> None:
-    first, again, other = (list(attempts(epoch)) for epoch in (0, 0, 1))
+    first, again, other = (list(attempts.batches(epoch)) for epoch in (0, 0, 1))
     assert len(first) == len(attempts)
     assert all(b.success.shape == (256, 1) and b.success.sum() == 128 for b in first)
     assert all(torch.equal(a.hands.position, b.hands.position) for a, b in zip(first, again, strict=True))
@@ -50,7 +50,7 @@ def test_an_epoch_is_whole_batches_and_the_same_when_asked_again(attempts: Refre
 
 
 def test_successes_stand_in_poses_of_their_own(attempts: RefreshedAttempts) -> None:
-    position, success, _ = together(list(attempts(0)))
+    position, success, _ = together(list(attempts.batches(0)))
     found = position[success == 1]
     assert len(found) >= SMALL.poses * len(attempts.rows[0])
     assert len(torch.unique(found, dim=0)) == len(found)
@@ -72,7 +72,7 @@ def test_moved_successes_stay_where_the_arm_reaches(attempts: RefreshedAttempts)
     near = replace(REFRESH, reachable=lambda there: there.position[:, 0] < 0.03)
     away = []
     for refresh in (near, replace(REFRESH, reachable=None)):
-        position, success, _ = together(list(replace(attempts, refresh=refresh)(0)))
+        position, success, _ = together(list(replace(attempts, refresh=refresh).batches(0)))
         away.append(float((position[success == 1, 0] > 0.03).float().mean()))
     assert away[0] < 0.02
     assert away[1] > 0.2

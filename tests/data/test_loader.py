@@ -33,11 +33,11 @@ def keys(batch: Batch) -> set[tuple[float, ...]]:
 
 def test_an_epoch_holds_every_scene_of_the_split_once(dataset: GraspDataset) -> None:
     loader = dataset.scenes("train", batch_size=7)
-    batches = list(loader(0))
+    batches = list(loader.batches(0))
     assert len(batches) == len(loader) == -(-72 // 7)
     seen = [key for batch in batches for key in keys(batch)]
     assert len(seen) == len(set(seen)) == 72
-    order = [tuple(row) for batch in loader(1) for row in batch.object_pose.tolist()]
+    order = [tuple(row) for batch in loader.batches(1) for row in batch.object_pose.tolist()]
     assert sorted(order) == sorted(seen)
     assert order != [tuple(row) for batch in batches for row in batch.object_pose.tolist()]
 
@@ -62,7 +62,7 @@ def test_splits_share_no_draw_and_cover_all(dataset: GraspDataset) -> None:
 
 def test_a_batch_is_what_was_stored(dataset: GraspDataset) -> None:
     chunk = Store(dataset.store.directory).chunk(0)
-    batch = next(iter(dataset.scenes("all", batch_size=4, shuffle=False)(0)))
+    batch = next(iter(dataset.scenes("all", batch_size=4, shuffle=False).batches(0)))
     assert batch.images.shape == (4, 1, 160, 256)
     stored = chunk.scenes.image[:4].astype(np.float32) * np.float32(1e-4)
     np.testing.assert_array_equal(batch.images[:, 0].numpy(), stored)
@@ -74,7 +74,7 @@ def test_a_batch_is_what_was_stored(dataset: GraspDataset) -> None:
 
 def test_padding_is_a_hand_without_weight(dataset: GraspDataset) -> None:
     """A draw of 16 attempts fills 16 of the 32 places."""
-    batch = next(iter(dataset.scenes("train", batch_size=8)(0)))
+    batch = next(iter(dataset.scenes("train", batch_size=8).batches(0)))
     padding = (batch.weight == 0) & (batch.hands.position == 0).all(-1)
     assert padding.sum() >= 8 * 16
     assert (batch.selection_weight[padding] == 0).all()
@@ -85,11 +85,11 @@ def test_padding_is_a_hand_without_weight(dataset: GraspDataset) -> None:
 
 def test_attempts_of_an_epoch_are_all_there_once(dataset: GraspDataset) -> None:
     loader = dataset.attempts("train", batch_size=100)
-    batches: list[Batch] = list(loader(0))
+    batches: list[Batch] = list(loader.batches(0))
     rows = torch.cat([b.hands.position for b in batches])
     assert len(rows) == 36 * 16
     assert len(torch.unique(rows, dim=0)) == len(rows)
-    again = torch.cat([b.hands.position for b in loader(0)])
+    again = torch.cat([b.hands.position for b in loader.batches(0)])
     other = torch.cat([b.hands.position for b in loader(1)])
     assert torch.equal(rows, again)
     assert not torch.equal(rows, other)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from bayesgrasp.cli.benchmark import LoadModel
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.journal import Journal, SceneResult
 from bayesgrasp.evaluation.runner import Benchmark, run, skipped
@@ -16,6 +15,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.posterior.ascent import AscentConfig
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.types import Outcome
+from bayesgrasp.workflows.evaluate import ModelContestants
 
 QUICK = ("prior_sample", "mle_metric", "map_full", "top_down")
 
@@ -23,7 +23,7 @@ QUICK = ("prior_sample", "mle_metric", "map_full", "top_down")
 @pytest.fixture(scope="module")
 def benchmark(objects: tuple[ObjectAsset, ...], untrained: Path) -> Benchmark:
     search = SearchConfig(50, AscentConfig(steps=2))
-    return Benchmark(objects, LoadModel(untrained), QUICK, seed=5, search=search)
+    return Benchmark(objects, ModelContestants(untrained).load, QUICK, seed=5, search=search)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesgrasp.cli.benchmark import LoadModel
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.journal import SceneResult
 from bayesgrasp.evaluation.runner import Benchmark, run
@@ -26,7 +25,7 @@ OF_THE_OBJECT = ("mle_full", "map_full", "force_closure")
 def benchmark(objects: tuple[ObjectAsset, ...], untrained: Path) -> Benchmark:
     search = SearchConfig(50, AscentConfig(steps=2))
     strategies = ("mle_metric", "map_image", "map_full", "top_down")
-    return Benchmark(objects, LoadModel(untrained), strategies, seed=5, search=search)
+    return Benchmark(objects, ModelContestants(untrained).load, strategies, seed=5, search=search)
 
 
 @pytest.fixture(scope="module")

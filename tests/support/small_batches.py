@@ -38,14 +38,14 @@ def make_batch(scenes: int, hands: int, seed: int) -> Batch:
 class ListSource:
     """The same batches in every epoch."""
 
-    def __init__(self, batches: list[Batch]) -> None:
-        self.batches = batches
+    def __init__(self, kept: list[Batch]) -> None:
+        self.kept = kept
 
     def __len__(self) -> int:
-        return len(self.batches)
+        return len(self.kept)
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
-        return iter(self.batches)
+    def batches(self, epoch: int) -> Iterator[Batch]:
+        return iter(self.kept)
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ def test_emphasis_leaves_the_success_probability_alone(batch: MakeBatch, emphasi
 
     def closure() -> Tensor:
         optimizer.zero_grad()
-        loss = objective.loss(logit.expand(1, 10), ten)
+        loss = objective.cross_entropy(logit.expand(1, 10), ten)
         loss.backward()
         return loss
 
@@ -124,9 +124,10 @@ def test_success_uses_the_selection_weight_only(batch: MakeBatch) -> None:
     one = batch(1, 6, 0)
     other = replace(one, weight=one.weight * torch.arange(6.0))
     logit = one.hands.position[..., 0]
-    assert torch.equal(SuccessObjective().loss(logit, one), SuccessObjective().loss(logit, other))
     changed = replace(one, selection_weight=torch.arange(6.0)[None])
-    assert not torch.equal(SuccessObjective().loss(logit, one), SuccessObjective().loss(logit, changed))
+    loss, same, different = (SuccessObjective().cross_entropy(logit, batch) for batch in (one, other, changed))
+    assert torch.equal(loss, same)
+    assert not torch.equal(loss, different)
 
 
 def test_full_objective_passes_the_object_on(batch: MakeBatch, rng: torch.Generator) -> None:
@@ -137,14 +138,14 @@ def test_full_objective_passes_the_object_on(batch: MakeBatch, rng: torch.Genera
         return hands.position[..., 0]
 
     three = batch(3, 2, 0)
-    assert FullObjective()(estimator, three, rng).isfinite()
+    assert FullObjective().loss(estimator, three, rng).isfinite()
     assert torch.equal(seen[0].pose, three.object_pose)  # type: ignore[attr-defined]
     assert torch.equal(seen[0].friction, three.friction)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("criterion", ["nre-a", "balanced", "nre-c"])
 def test_every_criterion_trains_on_a_batch(batch: MakeBatch, rng: torch.Generator, criterion: str) -> None:
-    loss = ImageObjective(LossConfig(criterion), hands=4)(Stub(), batch(4, 6, 0), rng)
+    loss = ImageObjective(LossConfig(criterion), hands=4).loss(Stub(), batch(4, 6, 0), rng)
     assert loss.isfinite()
 
 

@@ -15,15 +15,15 @@ from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.training.objectives import ImageObjective, SuccessRatioObjective
+from bayesgrasp.training.sources import Source, Sources
 from bayesgrasp.training.train_estimator import (
     Progress,
     Result,
-    Source,
     TrainConfig,
     average_into,
     initialised,
     learning_rate,
-    train,
+    train_estimator,
 )
 from bayesgrasp.types import Hands
 
@@ -36,6 +36,11 @@ Build = Callable[[], nn.Module]
 def make(encoder: ConvConfig) -> Build:
     config = ImageConfig(encoder=encoder, widths=(16, 16))
     return lambda: build("image", config)
+
+
+def both(source: Source) -> Sources:
+    """The same batches to learn from and to validate on."""
+    return Sources(source, source)
 
 
 def weights(result: Result) -> dict[str, Tensor]:
@@ -61,7 +66,7 @@ def killer(steps: int) -> Callable[[Progress], None]:
 
 
 def test_the_same_seed_gives_the_same_weights_and_another_one_does_not(make: Build, source: Source) -> None:
-    runs = [train(make, OBJECTIVE, source, source, replace(CONFIG, seed=seed)) for seed in (1, 1, 2)]
+    runs = [train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, seed=seed)) for seed in (1, 1, 2)]
     assert same(runs[0], runs[1])
     assert not same(runs[0], runs[2])
 
@@ -69,20 +74,20 @@ def test_the_same_seed_gives_the_same_weights_and_another_one_does_not(make: Bui
 @pytest.mark.parametrize("steps", [1, 2, 5, 7, 10, 14, 15])
 def test_a_killed_run_goes_on_exactly(make: Build, source: Source, tmp_path: Path, steps: int) -> None:
     """Killed after any number of steps, between or at saved states (every 2 steps, and 5 steps an epoch)."""
-    expected = train(make, OBJECTIVE, source, source, CONFIG)
+    expected = train_estimator(make, OBJECTIVE, both(source), CONFIG)
     state = tmp_path / "state.safetensors"
     with pytest.raises(KilledError):
-        train(make, OBJECTIVE, source, source, CONFIG, state_file=state, callback=killer(steps))
-    resumed = train(make, OBJECTIVE, source, source, CONFIG, state_file=state, resume=True)
+        train_estimator(make, OBJECTIVE, both(source), CONFIG, state_file=state, callback=killer(steps))
+    resumed = train_estimator(make, OBJECTIVE, both(source), CONFIG, state_file=state, resume=True)
     assert same(resumed, expected)
     assert (resumed.train, resumed.validation) == (expected.train, expected.validation)
 
 
 def test_another_run_s_state_is_refused(make: Build, source: Source, tmp_path: Path) -> None:
     state = tmp_path / "state.safetensors"
-    train(make, OBJECTIVE, source, source, replace(CONFIG, epochs=1), state_file=state)
+    train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, epochs=1), state_file=state)
     with pytest.raises(CheckpointError, match="another run"):
-        train(make, OBJECTIVE, source, source, CONFIG, state_file=state, resume=True)
+        train_estimator(make, OBJECTIVE, both(source), CONFIG, state_file=state, resume=True)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a state", b"\x08\x00\x00\x00\x00\x00\x00\x00{}      "])
@@ -90,13 +95,13 @@ def test_a_damaged_state_is_refused(make: Build, source: Source, tmp_path: Path,
     state = tmp_path / "state.safetensors"
     state.write_bytes(content)
     with pytest.raises(CheckpointError, match="state"):
-        train(make, OBJECTIVE, source, source, CONFIG, state_file=state, resume=True)
+        train_estimator(make, OBJECTIVE, both(source), CONFIG, state_file=state, resume=True)
 
 
 def test_it_learns_that_success_depends_on_the_height(source: Source) -> None:
     schedule = TrainConfig(epochs=30, learning_rate=1e-2, average=0.9)
-    result = train(
-        lambda: build("success_ratio", SuccessRatioConfig()), SuccessRatioObjective(), source, source, schedule
+    result = train_estimator(
+        lambda: build("success_ratio", SuccessRatioConfig()), SuccessRatioObjective(), both(source), schedule
     )
     assert result.validation[-1] < 0.9 * result.validation[0]
     assert result.stopped == "epochs"
@@ -111,27 +116,27 @@ class Worsening:
     def __init__(self) -> None:
         self.calls = 0
 
-    def __call__(self, estimator: nn.Module, batch: Batch, rng: torch.Generator) -> Tensor:
+    def loss(self, estimator: nn.Module, batch: Batch, rng: torch.Generator) -> Tensor:
         self.calls += not estimator.training
         return next(iter(estimator.parameters())).square().sum() + self.calls
 
 
 def test_early_stopping_returns_the_best_epoch(make: Build, source: Source) -> None:
-    result = train(make, Worsening(), source, source, replace(CONFIG, epochs=9, patience=2))
+    result = train_estimator(make, Worsening(), both(source), replace(CONFIG, epochs=9, patience=2))
     assert result.stopped == "patience"
     assert (result.best_epoch, len(result.validation)) == (0, 3)
 
 
 def test_progress_is_told_for_every_step(make: Build, source: Source) -> None:
     told: list[Progress] = []
-    result = train(make, OBJECTIVE, source, source, CONFIG, callback=told.append)
+    result = train_estimator(make, OBJECTIVE, both(source), CONFIG, callback=told.append)
     assert [(p.epoch, p.step) for p in told] == [(e, s) for e in range(3) for s in range(5)]
     assert [p.validation for p in told if p.step == 4] == list(result.validation)
     assert all(p.validation is None for p in told if p.step < 4)
 
 
 def test_bfloat16_learns_what_single_precision_learns(make: Build, source: Source) -> None:
-    runs = [train(make, OBJECTIVE, source, source, replace(CONFIG, bf16=bf16)) for bf16 in (False, True)]
+    runs = [train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, bf16=bf16)) for bf16 in (False, True)]
     assert all(p.dtype == torch.float32 for p in runs[1].estimator.parameters())
     assert runs[1].validation[-1] == pytest.approx(runs[0].validation[-1], rel=0.02)
 
@@ -163,9 +168,9 @@ def test_initial_weights_leave_the_caller_s_random_state(make: Build) -> None:
 def test_no_data_is_an_error(make: Build, source: Source) -> None:
     empty = type(source)([])  # type: ignore[call-arg]
     with pytest.raises(DataError, match="training scenes"):
-        train(make, OBJECTIVE, empty, source, CONFIG)
+        train_estimator(make, OBJECTIVE, Sources(empty, source), CONFIG)
     with pytest.raises(DataError, match="held-out scenes"):
-        train(make, OBJECTIVE, source, empty, CONFIG)
+        train_estimator(make, OBJECTIVE, Sources(source, empty), CONFIG)
 
 
 @pytest.mark.parametrize(

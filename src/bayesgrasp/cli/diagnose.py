@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from json import dumps
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import numpy as np
-
-    from bayesgrasp.cli.truths import Tried, Truths
-    from bayesgrasp.diagnostics.reliability import Reliability
-    from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.cli.progress import counting
+from bayesgrasp.data.loader import GraspDataset
+from bayesgrasp.diagnostics.posterior_report import Report
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.files import write_json
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.seeding import Stream, generator
+from bayesgrasp.workflows.calibrate import CalibrationJob, calibrate
+from bayesgrasp.workflows.load import DEFAULT_MODEL
+from bayesgrasp.workflows.success_pairs import Attempted, SuccessPairs, simulated_pairs, stored_pairs
 
 
 def diagnose(
@@ -51,77 +53,30 @@ def diagnose(
         ycb_dir: With --fresh, directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         workers: Processes.
     """
-    from bayesgrasp.cli.judging import Court, judge_all
-    from bayesgrasp.diagnostics.posterior_report import report
-    from bayesgrasp.errors import InvalidConfigurationError
-    from bayesgrasp.geometry.grasp_space import GraspSpace
-    from bayesgrasp.ratio.checkpoint import load_model
-    from bayesgrasp.seeding import Stream, generator
-    from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
-
     if (data is None) == (fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
-    court = Court((DEFAULT_MODEL if model is None else model, *ensemble), proposals, seed)
-    first = load_model(court.models[0])
-    found, tried = _evidence(data, fresh, truths, seed, split, ycb_dir, workers)
-    judged, values = judge_all(court, found, workers)
-    reliable = _reliability(first, tried)
-    rng = generator(seed, Stream.REFERENCE)
-    references = trained_prior(first.card).sample(len(judged), rng)
-    result = report(found.hands, judged, references, GraspSpace().distance, rng, reliable, _spread(values))
-    content = result.to_dict()
-    if json is not None:
-        json.write_text(dumps(content, indent=1) + "\n", encoding="utf-8")
-    figures = () if out is None else result.draw(out)
-    _show(content, figures)
-
-
-def _evidence(
-    data: Path | None,
-    fresh: int | None,
-    truths: int,
-    seed: int,
-    split: str,
-    ycb_dir: Path | None,
-    workers: int,
-) -> tuple[Truths, Iterator[Tried]]:
-    from bayesgrasp.cli import truths as source
-    from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.seeding import Stream, generator
-
+    job = CalibrationJob((DEFAULT_MODEL if model is None else model, *ensemble), proposals, seed)
     if data is not None:
-        return source.stored(GraspDataset(data), "test", truths, generator(seed, Stream.DIAGNOSED_PAIR))
-    return source.fresh(split, ycb_dir, fresh or 0, seed, workers)
+        pairs, attempted = stored_pairs(GraspDataset(data), "test", truths, generator(seed, Stream.DIAGNOSED_PAIR))
+    else:
+        pairs, attempted = _simulated(fresh or 0, seed, split, ycb_dir, workers)
+    with counting("posteriors", len(pairs.images)) as progress:
+        report = calibrate(job, pairs, attempted, workers, progress)
+    if json is not None:
+        write_json(json, report.to_dict())
+    print_report(report, () if out is None else report.draw(out))
 
 
-def _reliability(model: GraspModel, tried: Iterator[Tried]) -> Reliability:
-    """Of p(S=1 | i, h) at hands from the prior."""
-    import numpy as np
-    import torch
-
-    from bayesgrasp.diagnostics.reliability import reliability
-    from bayesgrasp.workflows.load import success_probability
-
-    probability_of, parts = success_probability(model), []
-    for some in tried:
-        with torch.no_grad():
-            ratios = [model.given_image(image)(some.hands[i]) for i, image in enumerate(some.images)]
-        parts.append(torch.stack([probability_of(torch.stack(ratios)), some.success, some.weight]).flatten(1))
-    probability, success, weight = torch.cat(parts, 1).double().numpy()
-    return reliability(np.clip(probability, 0, 1), success, weight, bins=20)
+def _simulated(
+    count: int, seed: int, split: str, ycb_dir: Path | None, workers: int
+) -> tuple[SuccessPairs, Iterator[Attempted]]:
+    with counting("successes", count) as progress:
+        return simulated_pairs(load_objects(split, ycb_dir), count, seed, workers, progress)
 
 
-def _spread(values: list[list[float]]) -> np.ndarray | None:
-    """Disagreement of the models at the truths; None for a single model."""
-    import numpy as np
-
-    from bayesgrasp.diagnostics.reliability import ensemble_spread
-
-    members = np.array(values).T
-    return ensemble_spread(members) if len(members) > 1 else None
-
-
-def _show(content: dict[str, Any], figures: tuple[Path, ...]) -> None:
+def print_report(report: Report, figures: Sequence[Path]) -> None:
+    """Say what a report found, and where its figures are."""
+    content: dict[str, Any] = report.to_dict()
     coverage, tarp, reliable = (content[name] for name in ("expected_coverage", "tarp", "reliability"))
     side = "too wide" if coverage["mean_signed_error"] > 0 else "too narrow"
     print(f"expected coverage: largest error {coverage['max_error']:.3f} over {coverage['count']} successes ({side})")

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from bayesgrasp.cli.experiment import Experiment
-from bayesgrasp.cli.scales import SCALES
+from bayesgrasp.cli.benchmark import print_skipped
+from bayesgrasp.cli.demo import print_demonstration
+from bayesgrasp.cli.diagnose import print_report
+from bayesgrasp.cli.generate import print_data
+from bayesgrasp.cli.progress import benchmarking, counting, generating, training
+from bayesgrasp.cli.train import print_training
+from bayesgrasp.data.store import Manifest
+from bayesgrasp.diagnostics.posterior_report import Report
+from bayesgrasp.evaluation.demonstration import Demonstration
+from bayesgrasp.evaluation.journal import SceneResult
+from bayesgrasp.evaluation.tables import markdown
+from bayesgrasp.generation.run import Progress
+from bayesgrasp.training.train_model import Watch
+from bayesgrasp.workflows.evaluate import Evaluation
+from bayesgrasp.workflows.reproduce import reproduce as run
+from bayesgrasp.workflows.scales import ScaleName
+from bayesgrasp.workflows.stages import Watcher
 
 
 def reproduce(
     out: Path,
-    scale: Literal["small", "full"] = "full",
+    scale: ScaleName = "full",
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     device: str = "cpu",
@@ -35,54 +49,41 @@ def reproduce(
         device: Where to train: cpu, cuda, or cuda:N.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
     """
-    experiment = Experiment(out, SCALES[scale], seed, workers, device, ycb_dir)
-    stages = Stages(out, {"scale": scale, "settings": asdict(SCALES[scale]), "seed": seed})
-    for name, work in experiment.stages().items():
-        stages.run(name, work)
-    print(f"report: {out / 'report.html'}")
+    page = run(out, scale, seed=seed, workers=workers, device=device, ycb_dir=ycb_dir, watcher=_Terminal())
+    print(f"report: {page}")
 
 
-class Stages:
-    """Which stages of an experiment are finished; kept in ``out/experiment.json``.
+class _Terminal(Watcher):
+    """Shows each stage as its own command would."""
 
-    Args:
-        out: Directory of the experiment; made if it is not there.
-        settings: What the experiment is; a directory with another one is refused.
+    def stage(self, name: str, done: bool) -> None:
+        print(f"{name}: done before" if done else f"{name}:")
 
-    Raises:
-        InvalidConfigurationError: The directory holds an experiment with other settings, or a damaged file.
-    """
+    def generating(self, total: int) -> AbstractContextManager[Callable[[Progress], None]]:
+        return generating(total)
 
-    def __init__(self, out: Path, settings: dict[str, Any]) -> None:
-        from bayesgrasp.errors import InvalidConfigurationError
+    def generated(self, manifest: Manifest, out: Path) -> None:
+        print_data(manifest, out)
 
-        self.path, self.settings = out / "experiment.json", json.loads(json.dumps(settings))
-        self.done: list[str] = []
-        out.mkdir(parents=True, exist_ok=True)
-        if self.path.exists():
-            try:
-                content = json.loads(self.path.read_text(encoding="utf-8"))
-                found, self.done = content["settings"], list(content["done"])
-            except (ValueError, KeyError, TypeError) as error:
-                raise InvalidConfigurationError(f"{self.path} cannot be read: {error}") from error
-            if found != self.settings:
-                raise InvalidConfigurationError(
-                    f"{out} holds an experiment with other settings (scale {found.get('scale')}, seed "
-                    f"{found.get('seed')}); give the same ones, or another --out"
-                )
-        self._write()
+    def training(self, out: Path) -> AbstractContextManager[Watch]:
+        return training(out)
 
-    def run(self, name: str, work: Callable[[], None]) -> None:
-        """Do a stage, unless it is done."""
-        if name in self.done:
-            print(f"{name}: done before")
-            return
-        print(f"{name}:")
-        work()
-        self.done.append(name)
-        self._write()
+    def trained(self, metrics: Mapping[str, dict[str, Any]], out: Path) -> None:
+        print_training(metrics, out)
 
-    def _write(self) -> None:
-        partial = self.path.with_name(f".{self.path.name}.partial")
-        partial.write_text(json.dumps({"settings": self.settings, "done": self.done}, indent=1) + "\n", "utf-8")
-        os.replace(partial, self.path)
+    def calibrating(self, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        return counting("posteriors", total)
+
+    def calibrated(self, report: Report, figures: Sequence[Path]) -> None:
+        print_report(report, figures)
+
+    def evaluating(self, evaluation: Evaluation, total: int) -> AbstractContextManager[Callable[[SceneResult], None]]:
+        print_skipped(evaluation)
+        return benchmarking(total)
+
+    def evaluated(self, summary: Mapping[str, Any], out: Path) -> None:
+        print(markdown(summary, summary["split"]), end="")
+        print(f"wrote {out}")
+
+    def shown(self, demonstration: Demonstration, picture: Path) -> None:
+        print_demonstration(demonstration, picture)

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import torch
+
+from bayesgrasp.cli.progress import training
 from bayesgrasp.ratio.model import Role
+from bayesgrasp.training.losses import LossConfig
+from bayesgrasp.training.train_estimator import TrainConfig
+from bayesgrasp.workflows.train import TrainOptions
+from bayesgrasp.workflows.train import train as run
 
 
 def train(
@@ -51,34 +59,21 @@ def train(
         practice: Data sets from `bayesgrasp practice` to learn from as well.
         start: Directory of a model of the same preset whose weights training starts from.
     """
-    import torch
-
-    from bayesgrasp.cli import training
-    from bayesgrasp.cli.training_view import observers, print_summary
-    from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.ratio.checkpoint import load_model
-    from bayesgrasp.training.losses import LossConfig
-    from bayesgrasp.training.presets import preset as parts_of
-    from bayesgrasp.training.train_estimator import TrainConfig
-    from bayesgrasp.training.train_model import fit
-    from bayesgrasp.workflows.load import trained_prior
-
     if threads is not None:
         torch.set_num_threads(threads)
-    dataset = GraspDataset(data)
     schedule = TrainConfig(epochs=epochs, learning_rate=learning_rate, patience=patience, bf16=bf16, seed=seed)
-    parts = parts_of(preset, training.setup_of(dataset), estimators or None, LossConfig(criterion), schedule)
-    with observers(out, len(parts)) as observe:
-        metrics = fit(
-            parts,
-            training.sources_by_part(dataset, [GraspDataset(p) for p in practice], batch_size, seed),
-            out,
-            training.origin_of(dataset),
-            start=load_model(start).estimators if start is not None else None,
-            device=training.usable_device(device),
-            resume=resume,
-            callback=observe,
-            prior=trained_prior({"prior": training.prior_of(dataset)}),
-            extra={"preset": preset, "familiarity": training.familiarity_of(dataset)},
+    options = TrainOptions(preset, estimators, batch_size, LossConfig(criterion), schedule)
+    with training(out) as progress:
+        metrics = run(
+            data, out, options, practice=practice, start=start, device=device, resume=resume, progress=progress
         )
-    print_summary(metrics, out)
+    print_training(metrics, out)
+
+
+def print_training(metrics: Mapping[str, dict[str, Any]], out: Path) -> None:
+    """Losses and checks of every estimator."""
+    for role, values in metrics.items():
+        best = values["validation_loss"][values["best_epoch"]]
+        checks = ", ".join(f"{name} {value:.4g}" for name, value in values["checks"].items())
+        print(f"{role}: held-out loss {best:.4f} (epoch {values['best_epoch'] + 1}), {values['seconds']} s; {checks}")
+    print(f"model written to {out}")

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from bayesgrasp.evaluation.journal import SceneResult
+from bayesgrasp.cli.benchmark import print_skipped, search_config
+from bayesgrasp.cli.object_set import Objects, ObjectSet
+from bayesgrasp.cli.progress import benchmarking
+from bayesgrasp.evaluation.strategies import STRATEGIES
+from bayesgrasp.evaluation.transfer import markdown_transfer
+from bayesgrasp.workflows.evaluate import Evaluation, Transfer, shifts_named
+from bayesgrasp.workflows.load import DEFAULT_MODEL
 
 
 def transfer(
     out: Path,
     model: Path | None = None,
     attempts: int = 1000,
-    split: str = "train",
-    ycb_dir: Path | None = None,
-    mesh: Path | None = None,
-    mass: float | None = None,
+    objects: Objects = ObjectSet(),  # noqa: B008 - frozen
     seed: int = 0,
     strategies: tuple[str, ...] = ("map_image", "mle_image", "plan"),
     shifts: tuple[str, ...] = (),
@@ -42,10 +39,7 @@ def transfer(
         out: Directory for transfer.json, transfer.md, transfer.png, and the results of every shift.
         model: Directory of a trained model; by default the one that comes with the package.
         attempts: Scenes, which is attempts of each strategy under each shift; objects take turns.
-        split: train, train-ycb, unseen, household, stand-ins, other, all, or one object's id.
-        ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
-        mesh: A mesh file to use instead (metres, z upwards); needs --mass.
-        mass: Its mass, kg.
+        objects: Which objects.
         seed: Same seed, same scenes and plans, for any number of workers.
         strategies: Which ones, as `bayesgrasp benchmark` names them; `all` for all of them.
         shifts: Which ones, as `bayesgrasp benchmark` names them; by default all of them.
@@ -54,54 +48,20 @@ def transfer(
         workers: Processes.
         resume: Go on with the run in --out, or start it where there is none.
     """
-    from bayesgrasp.cli.benchmark import (
-        LoadModel,
-        announce_skipped,
-        describe_run,
-        run_with_progress,
-        search_config,
-        write_results,
+    named = shifts_named(shifts)
+    evaluation = Evaluation.of(
+        DEFAULT_MODEL if model is None else model,
+        objects.load(),
+        objects.split,
+        strategies=STRATEGIES if "all" in strategies else strategies,
+        seed=seed,
+        search=search_config(starts, steps),
     )
-    from bayesgrasp.errors import InvalidConfigurationError
-    from bayesgrasp.evaluation.runner import Benchmark
-    from bayesgrasp.evaluation.shifts import NONE, SHIFTS, find_shift
-    from bayesgrasp.evaluation.strategies import STRATEGIES
-    from bayesgrasp.evaluation.tables import summarize
-    from bayesgrasp.objects.catalogue import load_objects
-    from bayesgrasp.ratio.checkpoint import read_card
-    from bayesgrasp.workflows.load import DEFAULT_MODEL
-
-    directory = DEFAULT_MODEL if model is None else model
-    card = read_card(directory)
-    named = [find_shift(name) for name in dict.fromkeys((NONE.name, *(shifts or SHIFTS)))]
-    if named == [NONE]:
-        raise InvalidConfigurationError("nothing can be lost without a shift: name another than none")
-    chosen = Benchmark(
-        load_objects(split, ycb_dir, mesh, mass),
-        LoadModel(directory),
-        STRATEGIES if "all" in strategies else tuple(dict.fromkeys(strategies)),
-        seed,
-        search_config(starts, steps),
-    )
-    reasons = announce_skipped(chosen, card)
-    origin = describe_run(chosen, card, split) | {"skipped": reasons}
-    results: dict[str, Sequence[SceneResult]] = {}
+    print_skipped(evaluation)
+    losses = Transfer(evaluation, out)
     for shift in named:
-        shifted, known = replace(chosen, shift=shift), results.get(NONE.name, ())
-        found = run_with_progress(shifted, card, attempts, workers, out / shift.name, resume, known)
-        results[shift.name] = found
-        details = {"engine": shift.engine, "shift": shift.name, **summarize(found, reasons)}
-        write_results(origin | details, out / shift.name, split)
-    _write(origin, results, out)
-
-
-def _write(origin: dict[str, Any], results: dict[str, Sequence[SceneResult]], out: Path) -> None:
-    from bayesgrasp.evaluation.figures import plot_transfer
-    from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
-
-    summary = {**origin, **summarize_transfer(results)}
-    (out / "transfer.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    (out / "transfer.md").write_text(markdown_transfer(summary), encoding="utf-8")
-    plot_transfer(summary, out / "transfer.png")
-    print(markdown_transfer(summary), end="")
+        with benchmarking(attempts, shift.name) as progress:
+            directory = losses.run(shift, attempts, workers, resume=resume, progress=progress)
+        print(f"wrote {directory}")
+    print(markdown_transfer(losses.write()), end="")
     print(f"wrote {out}")

@@ -97,7 +97,7 @@ class RefreshedAttempts:
         """Batches of an epoch."""
         return -(-len(self.rows[0]) * self.config.poses // self.config.successes)
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
+    def batches(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         rng = generator(self.seed, Stream.REFRESH, epoch)
         successes, others = self.rows

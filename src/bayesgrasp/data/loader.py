@@ -115,7 +115,7 @@ def in_split(draw: Int64[np.ndarray, "n"], split: Split) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SceneLoader:
-    """Batches of scenes: ``loader(epoch)`` yields the same batches whenever it is asked for that epoch.
+    """Batches of scenes: ``loader.batches(epoch)`` yields the same batches whenever it is asked for that epoch.
 
     Attributes:
         columns: See `GraspDataset.scene_columns`.
@@ -139,7 +139,7 @@ class SceneLoader:
         """Batches of an epoch."""
         return -(-len(self.rows) // self.batch_size)
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
+    def batches(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         order = self.rows
         if self.shuffle:
@@ -163,7 +163,7 @@ class SceneLoader:
 
 @dataclass(frozen=True)
 class AttemptLoader:
-    """Batches of attempts: ``loader(epoch)`` yields the same batches whenever it is asked for that epoch.
+    """Batches of attempts: ``loader.batches(epoch)`` yields the same batches whenever it is asked for that epoch.
 
     Attributes:
         columns: See `GraspDataset.attempt_columns`.
@@ -176,7 +176,7 @@ class AttemptLoader:
     seed: int = 0
     shuffle: bool = True
 
-    def __call__(self, epoch: int) -> Iterator[Batch]:
+    def batches(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
         rng = generator(self.seed, Stream.ATTEMPT_ORDER, epoch)
         total = len(self.columns["draw"])

@@ -1,4 +1,4 @@
-"""What each estimator is trained to do with a batch (paper, Algorithm 1): functions of estimator, batch, generator.
+"""What each estimator is trained to do with a batch (paper, Algorithm 1): a loss of estimator and batch.
 
 The products of marginals are formed inside the batch: the image of a scene meets the hands of other scenes, shifted by
 a random number of scenes, with the product of the weights. A pair of a scene with itself never occurs: it has
@@ -27,7 +27,7 @@ from bayesgrasp.types import Hands
 class Objective(Protocol):
     """The loss of an estimator on a batch."""
 
-    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
+    def loss(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """A scalar to minimise; `rng` is on the CPU."""
         ...
 
@@ -70,16 +70,16 @@ class SuccessObjective:
         if self.emphasis <= 0:
             raise InvalidConfigurationError(f"emphasis must be positive, got {self.emphasis}")
 
-    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
+    def loss(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of a `success` or `full` estimator."""
-        return self.loss(self.logit(estimator, batch), batch)
+        return self.cross_entropy(self.logit(estimator, batch), batch)
 
     def logit(self, estimator: Any, batch: Batch) -> Tensor:
         """Logits of p(S=1 | i, h), (b, k)."""
         value: Tensor = estimator(estimator.encode(batch.images), batch.hands)
         return value
 
-    def loss(self, logit: Float[Tensor, "b k"], batch: Batch) -> Float[Tensor, ""]:
+    def cross_entropy(self, logit: Float[Tensor, "b k"], batch: Batch) -> Float[Tensor, ""]:
         """Emphasised cross-entropy, given the logits of p(S = 1 | ., h)."""
         weight = batch.selection_weight * (1.0 + (self.emphasis - 1.0) * batch.success)
         return success_loss(logit.float() + math.log(self.emphasis), batch.success, weight)
@@ -110,7 +110,7 @@ class RatioObjective:
         """Log-ratios of the estimator on both."""
         raise NotImplementedError
 
-    def __call__(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
+    def loss(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """The criterion on `samples`."""
         return self.samples(estimator, batch, rng).loss(self.criterion)
 

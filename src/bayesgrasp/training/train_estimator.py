@@ -13,11 +13,10 @@ import itertools
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import torch
 from torch import nn
@@ -27,22 +26,10 @@ from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.seeding import Stream, torch_generator
 from bayesgrasp.training.mirror import mirrored_at_random
 from bayesgrasp.training.objectives import Objective
+from bayesgrasp.training.sources import Source, Sources
 from bayesgrasp.training.state import TrainingState, load_state, save_state
 
 logger = logging.getLogger(__name__)
-
-
-@runtime_checkable
-class Source(Protocol):
-    """Batches by epoch: the same ones, in the same order, whenever an epoch is asked for again."""
-
-    def __len__(self) -> int:
-        """Batches in an epoch."""
-        ...
-
-    def __call__(self, epoch: int) -> Iterator[Batch]:
-        """The batches of an epoch, counted from 0."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -155,7 +142,7 @@ class _Run:
             group["lr"] = rate
         batch = mirrored_at_random(batch, self.config.mirror, torch_generator(self.config.seed, Stream.MIRROR, count))
         with self.autocast():
-            loss = self.objective(self.estimator, batch, torch_generator(self.config.seed, Stream.PAIRING, count))
+            loss = self.objective.loss(self.estimator, batch, torch_generator(self.config.seed, Stream.PAIRING, count))
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(self.estimator.parameters(), self.config.clip)
@@ -168,20 +155,19 @@ class _Run:
         self.averaged.eval()
         total, count = 0.0, 0
         with torch.no_grad(), self.autocast():
-            for batch in source(0):
+            for batch in source.batches(0):
                 rng = torch_generator(self.config.seed, Stream.VALIDATION, count)
-                total += float(self.objective(self.averaged, batch.to(self.device), rng))
+                total += float(self.objective.loss(self.averaged, batch.to(self.device), rng))
                 count += 1
         if count == 0:
             raise DataError("there are no held-out scenes: validation needs at least one batch")
         return total / count
 
 
-def train(
+def train_estimator(
     build: Callable[[], nn.Module],
     objective: Objective,
-    training: Source,
-    held_out: Source,
+    sources: Sources,
     config: TrainConfig,
     *,
     device: torch.device | str = "cpu",
@@ -194,8 +180,7 @@ def train(
     Args:
         build: Makes the estimator; its initial weights come from the seed, whatever the caller's random state.
         objective: Its loss.
-        training: Batches to learn from.
-        held_out: Batches of held-out scenes, for early stopping; epoch 0 of them is used.
+        sources: Batches to learn from, and held-out ones for early stopping.
         config: See `TrainConfig`.
         device: Where to train; the result is on the CPU.
         state_file: Where the state is saved for `resume`; not saved if None.
@@ -207,14 +192,15 @@ def train(
         CheckpointError: The saved state is damaged or belongs to another run.
     """
     start, device = time.perf_counter(), torch.device(device)
-    if len(training) == 0:
+    if len(sources.training) == 0:
         raise DataError("there are no training scenes: an epoch needs at least one batch")
-    run = _Run(initialised(build, config.seed).to(device), objective, config, device, len(training))
-    state = TrainingState(fingerprint=repr((config, objective, len(training), getattr(run.estimator, "config", None))))
+    run = _Run(initialised(build, config.seed).to(device), objective, config, device, len(sources.training))
+    described = (config, objective, run.steps, getattr(run.estimator, "config", None))
+    state = TrainingState(fingerprint=repr(described))
     if resume and state_file is not None and state_file.exists():
         state = load_state(state_file, state.fingerprint, run.estimator, run.averaged, run.best, run.optimizer)
     while not _finished(state, config):
-        _epoch(run, state, training, held_out, state_file, callback)
+        _epoch(run, state, sources, state_file, callback)
     stopped = "epochs" if state.epoch >= config.epochs else "patience"
     best = run.best.cpu().eval()
     seconds = time.perf_counter() - start
@@ -255,19 +241,18 @@ def _finished(state: TrainingState, config: TrainConfig) -> bool:
 def _epoch(
     run: _Run,
     state: TrainingState,
-    training: Source,
-    held_out: Source,
+    sources: Sources,
     state_file: Path | None,
     callback: Callable[[Progress], None] | None,
 ) -> None:
     run.estimator.train()
-    for batch in itertools.islice(training(state.epoch), state.step, run.steps):
+    for batch in itertools.islice(sources.training.batches(state.epoch), state.step, run.steps):
         count = state.epoch * run.steps + state.step
         loss, rate = run.step(batch.to(run.device), count)
         state.step += 1
         state.loss_sum += loss
         last = state.step == run.steps
-        validation = _close_epoch(run, state, held_out) if last else None
+        validation = _close_epoch(run, state, sources.held_out) if last else None
         if state_file is not None and (last or state.step % run.config.save_every == 0):
             save_state(state_file, state, run.estimator, run.averaged, run.best, run.optimizer)
         if callback is not None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
 from jaxtyping import UInt8
+from PIL import Image
 
 from bayesgrasp.geometry.camera import Camera, look_at
 from bayesgrasp.lift.lift_config import LiftTestConfig
@@ -59,3 +61,14 @@ def film_sheet(
     """One row of frames per attempt that reached physics; see `film_attempt`."""
     rows = [film_attempt(objects, attempt, frames, config) for attempt in attempts]
     return contact_sheet([picture for row in rows for picture in row], frames)
+
+
+def save_film(
+    path: Path, objects: Sequence[ObjectAsset], attempts: Sequence[Attempts], config: LiftTestConfig | None = None
+) -> None:
+    """Write a .png with a row of frames per attempt, or a moving .gif of the first one."""
+    if path.suffix == ".png":
+        Image.fromarray(film_sheet(objects, attempts, config=config)).save(path)
+        return
+    frames = [Image.fromarray(frame) for frame in film_attempt(objects, attempts[0], 40, config)]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=60, loop=0)

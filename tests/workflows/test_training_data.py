@@ -6,7 +6,6 @@ from pathlib import Path
 import fake_world
 import pytest
 
-from bayesgrasp.cli.training import sources_by_part
 from bayesgrasp.data.attempts import RefreshedAttempts
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.store import Manifest
@@ -15,7 +14,7 @@ from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.model import Role
-from bayesgrasp.training.presets import Setup, preset
+from bayesgrasp.workflows.training_data import sources_by_role
 
 BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
 CONFIG = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
@@ -43,15 +42,13 @@ def practice(tmp_path_factory: pytest.TempPathFactory) -> list[GraspDataset]:
 
 
 def batches(base: GraspDataset, practice: list[GraspDataset], role: Role) -> int:
-    (part,) = preset("best", Setup(objects=fake_world.OBJECTS), (role,))
-    return len(sources_by_part(base, practice, 4, 0)(part)[0])
+    return len(sources_by_role([role], base, practice, 4, 0)[role].training)
 
 
 def test_the_ratio_of_success_alone_learns_from_attempts(base: GraspDataset) -> None:
-    (part,) = preset("best", Setup(), ("success_ratio",))
-    training, held_out = sources_by_part(base, (), 4, 0)(part)
-    assert isinstance(training, RefreshedAttempts)
-    assert isinstance(held_out, RefreshedAttempts)
+    found = sources_by_role(["success_ratio"], base, (), 4, 0)["success_ratio"]
+    assert isinstance(found.training, RefreshedAttempts)
+    assert isinstance(found.held_out, RefreshedAttempts)
 
 
 @pytest.mark.parametrize(("role", "times"), [("image", 1), ("joint", 1), ("success", 3), ("full", 4)])

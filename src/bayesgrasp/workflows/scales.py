@@ -7,6 +7,8 @@ from typing import Literal
 
 from bayesgrasp.ratio.model import Role
 
+ScaleName = Literal["small", "full"]
+
 
 @dataclass(frozen=True)
 class Round:
@@ -61,7 +63,7 @@ class Scale:
     demo: str = "household_carton"
 
 
-SCALES: dict[str, Scale] = {
+SCALES: dict[ScaleName, Scale] = {
     "small": Scale(
         split="stand-ins",
         attempts=32_768,

@@ -1,0 +1,161 @@
+"""Data sets of a model's own proposals: ``bayesgrasp practice``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+
+from bayesgrasp.data.store import Given, Manifest
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
+from bayesgrasp.generation.pairing import PairingConfig
+from bayesgrasp.generation.pool import LocalPool
+from bayesgrasp.generation.practice import PracticeRecipe, Proposer, Shown
+from bayesgrasp.generation.provenance import describe
+from bayesgrasp.generation.run import Progress, Run, open_store
+from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.objects.stretch import StretchConfig, with_copies
+from bayesgrasp.posterior.potential import LogDensity, Prior
+from bayesgrasp.posterior.practice_hands import practice_hands
+from bayesgrasp.prior.scene import ScenePrior
+from bayesgrasp.ratio.checkpoint import load_model, read_card
+from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.seeding import Stream, generator
+from bayesgrasp.types import Hands
+from bayesgrasp.workflows.load import trained_prior
+
+
+@dataclass(frozen=True)
+class PracticeJob:
+    """What is practised.
+
+    Attributes:
+        model: Directory of the model that proposes.
+        objects: The object set; never the unseen ones if they are to stay unseen.
+        scenes: How many images.
+        tries: Hands tried for each image, at least 3.
+        estimator: Which one proposes: success (it sees the image) or full (it knows object, pose and friction).
+        stretch: Copies of each object that are practised on beside it, for more shapes than there are scans.
+        seed: Of all random numbers.
+
+    Raises:
+        InvalidConfigurationError: Too few scenes or tries.
+    """
+
+    model: Path
+    objects: tuple[ObjectAsset, ...]
+    scenes: int = 2000
+    tries: int = 12
+    estimator: Literal["success", "full"] = "success"
+    stretch: StretchConfig = field(default_factory=StretchConfig)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.scenes < 1 or self.tries < 3:
+            raise InvalidConfigurationError(
+                f"practice needs at least 1 scene and 3 tries, got {self.scenes} and {self.tries}"
+            )
+
+    @property
+    def attempts(self) -> int:
+        """Lift tests in all."""
+        return self.scenes * self.tries
+
+
+def practise(
+    job: PracticeJob,
+    out: Path | str,
+    workers: int = 1,
+    *,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Manifest:
+    """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
+
+    Args:
+        job: What is practised.
+        out: Directory of the new data set.
+        workers: Processes; the records do not depend on their number.
+        resume: Go on with the data set in ``out``, or start it where there is none.
+        progress: Told after every chunk.
+
+    Returns:
+        The manifest with the final counts.
+
+    Raises:
+        CheckpointError: There is no such model.
+        DataError: There is a data set in ``out`` already, of another kind or being written, or it is damaged.
+        InvalidConfigurationError: An estimator that is told the mesh never knew these objects.
+    """
+    objects = with_copies(job.objects, job.stretch, generator(job.seed, Stream.COPIES))
+    world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
+    config = GenerateConfig(
+        proposal="prior",
+        attempts_per_draw=job.tries,
+        scenes_per_draw=1,
+        draws_per_chunk=32,
+        pairing=PairingConfig(hands=job.tries),
+        grasp=trained_prior(read_card(job.model)),
+    )
+    manifest = describe(world, config, job.seed, scene, job.attempts)
+    if job.estimator == "full":
+        _check_objects(job.model, tuple(asset.id for asset in objects))
+        manifest = replace(manifest, config=manifest.config | {"practice": {"given": "object"}})
+    proposer = ModelProposer(job.model.resolve(), manifest.given)
+    recipe = PracticeRecipe(world.build, config, job.seed, scene, proposer.build, manifest.given)
+    store = open_store(Path(out), manifest, resume)
+    return Run(store, recipe, job.attempts, progress).execute(LocalPool(workers))
+
+
+def _check_objects(model: Path, ids: tuple[str, ...]) -> None:
+    """An estimator that is told the mesh by its number must have been trained on the same objects."""
+    known = tuple(read_card(model).get("objects", ()))
+    if known != ids:
+        raise InvalidConfigurationError(
+            f"the full-observation estimator of {model} knows the objects {', '.join(known) or 'of no list'}; practise "
+            "on the split that it was trained on, with --copies 0"
+        )
+
+
+@dataclass(frozen=True)
+class ModelProposer:
+    """q(h | i), or q(h | O, p_O, beta, mu), of a model that is loaded in the worker that uses it.
+
+    Attributes:
+        directory: Of the model.
+        given: What the model is told of a scene.
+    """
+
+    directory: Path
+    given: Given
+
+    def build(self) -> Proposer:
+        """The proposer."""
+        model = load_model(self.directory)
+        prior, ratios = trained_prior(model.card), _given_images if self.given == "image" else _given_objects
+
+        def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
+            return _propose(ratios(model, shown), prior, count, rng)
+
+        return propose
+
+
+def _given_images(model: GraspModel, shown: Shown) -> list[LogDensity]:
+    return [model.given_image(torch.from_numpy(image)[None]) for image in shown.images]
+
+
+def _given_objects(model: GraspModel, shown: Shown) -> list[LogDensity]:
+    scenes = shown.scenes
+    known = zip(scenes.object_index, scenes.scale, scenes.object_pose, shown.friction, strict=True)
+    return [model.given_object(int(o), float(s), (p[0], p[1], p[2]), float(mu)) for o, s, p, mu in known]
+
+
+def _propose(ratios: Sequence[LogDensity], prior: Prior, count: int, rng: np.random.Generator) -> Hands:
+    """Hands for each scene, (n, count), by the log-ratio of each."""
+    hands = [practice_hands(ratio, prior, count, rng) for ratio in ratios]
+    return Hands(*(torch.stack([getattr(h, name) for h in hands]) for name in ("position", "rotation", "grasp_type")))
