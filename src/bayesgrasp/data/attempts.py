@@ -1,8 +1,8 @@
 """Attempts without images for r(S | h): every success in fresh poses each epoch, beside failures as they were made.
 
-Successes are one in a hundred, and a classifier of h alone could learn them by heart. The planar refresh (`planar`)
-moves each of them to another pose p_O ~ p(p_O | rho, S = 1), which leaves p(h | S = 1) exactly as it is, so an epoch
-shows hands that no other epoch showed. Failures are plenty; an epoch takes a fresh part of them.
+Successes are one in a hundred, and a classifier of h alone could learn them by heart. The planar refresh
+(`planar_symmetry`) moves each of them to another pose p_O ~ p(p_O | rho, S = 1), which leaves p(h | S = 1) exactly as
+it is, so an epoch shows hands that no other epoch showed. Failures are plenty; an epoch takes a fresh part of them.
 
 The share of successes in a batch is chosen, and undone by the weights: with N attempts of an outcome class and n of
 them in an epoch, each weighs N / n times its own p / q. Weighted, the attempts follow p(h) p(O) p(p_O) p(S | .).

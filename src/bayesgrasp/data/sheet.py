@@ -13,7 +13,7 @@ from bayesgrasp.data.schema import Batch
 from bayesgrasp.geometry.camera import IMAGE_SHAPE, Camera, canonical_camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.seeding import Stream, generator
-from bayesgrasp.types import CameraNuisances, GraspType, Hands
+from bayesgrasp.types import CameraNuisances, GraspType, Hands, Outcome
 
 ZOOM = 2
 COLOURS = {GraspType.BASIC: (255, 80, 60), GraspType.WIDE: (70, 220, 90), GraspType.PINCH: (90, 150, 255)}
@@ -28,7 +28,7 @@ def draw_sheet(dataset: GraspDataset, columns: int = 4, rows: int = 4, most: int
     where the fingers meet the object; red basic, green wide, blue pinch. It is seen by the camera of its image.
     """
     rng = generator(seed, Stream.SHEET)
-    successful = (dataset.scene_columns["hand_outcome"] == 4).any(axis=1)
+    successful = (dataset.scene_columns["hand_outcome"] == Outcome.SUCCESS).any(axis=1)
     candidates = np.flatnonzero(successful)
     chosen = np.sort(rng.permutation(candidates)[: columns * rows])
     height, width = IMAGE_SHAPE[0] * ZOOM, IMAGE_SHAPE[1] * ZOOM

@@ -37,7 +37,9 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.planar_symmetry import PlanarRefresh, Reachable
 from bayesgrasp.prior.scene import ScenePrior
+from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.motion import reached
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Attempts, CameraNuisances, Scenes
 
@@ -68,15 +70,17 @@ class SimulatedWorld:
         objects: The ordered object set.
         lift_test: See `LiftTestConfig`.
         sensor: See `KinectConfig`.
+        gripper: The hand.
     """
 
     objects: tuple[ObjectAsset, ...]
     lift_test: LiftTestConfig = field(default_factory=LiftTestConfig)
     sensor: KinectConfig = field(default_factory=KinectConfig)
+    gripper: GripperDescription = field(default_factory=robotiq_3f)
 
     def build(self) -> World:
         """Build them; a worker does this once."""
-        test = LiftTest(self.objects, self.lift_test)
+        test = LiftTest(self.objects, self.lift_test, gripper=self.gripper)
         sensor = DepthSensor(self.objects, config=self.sensor)
         return World(test.run, sensor.images, partial(reached, test.arm, self.lift_test.motion))
 

@@ -84,6 +84,7 @@ class DrawPairing:
     def choose(self, object_pose: Float64[np.ndarray, "3"], rng: np.random.Generator) -> HandRecords:
         """K hands for a scene of this draw, in random order, padded where there are too few; shape (1, K)."""
         there = moved(self.attempts, self.relative, np.tile(object_pose, (len(self.attempts), 1)))
+        # log omega = log w + log p(h') - log p(rho).
         omega = np.where(self.certain, np.exp(self.log_base + self.refresh.log_density(there)), 0.0)
         value = np.where(omega > 0, omega**self.config.tempering, 0.0)
         taken, probability = self._select(value, rng)
@@ -139,7 +140,11 @@ class DrawPairing:
 
 
 def inclusion_probabilities(value: Float64[np.ndarray, "n"], count: int) -> Float64[np.ndarray, "n"]:
-    """min(1, c v_j) with c such that they sum to ``count``."""
+    """min(1, c v_j) with c such that they sum to ``count``.
+
+    Values whose share of the places would exceed one are taken for certain, and the others share the places that are
+    left; that raises their c, so it is repeated until none exceeds one.
+    """
     if count >= len(value):
         return np.ones(len(value))
     certain = np.zeros(len(value), dtype=bool)
@@ -153,6 +158,8 @@ def inclusion_probabilities(value: Float64[np.ndarray, "n"], count: int) -> Floa
 
 def systematic(probability: Float64[np.ndarray, "n"], rng: np.random.Generator) -> Int64[np.ndarray, "k"]:
     """Indices taken with the given probabilities, as many as they sum to, none twice."""
+    # Lengths pi_j laid end to end, in random order, meet the comb start, start + 1, ... in as many points as they sum
+    # to; a length of at most one meets at most one, with the probability pi_j. Rounding must not lose the last point.
     order = rng.permutation(len(probability))
     cumulative = np.cumsum(probability[order])
     start = rng.random()

@@ -133,6 +133,8 @@ def learn(records: AttemptRecords, num_objects: int, config: AdaptiveConfig, rng
     weight = np.exp(records.log_weight.astype(np.float64))
     tried = np.bincount(records.object_index, weight, num_objects)
     rate = np.bincount(records.object_index, weight * success, num_objects) / np.maximum(tried, 1.0)
+    # n attempts with rate r give a relative error of about (n r)^(-1/2); the sum of its squares over all objects is
+    # least where n goes with r^(-1/2). An object that never succeeded counts as if it had, once.
     floor = 1.0 / np.maximum(tried, 1.0)
     need = np.maximum(rate, floor) ** -0.5
     objects = 0.5 / num_objects + 0.5 * need / need.sum()
@@ -148,6 +150,7 @@ def _kernels(records: AttemptRecords, config: AdaptiveConfig, rng: np.random.Gen
     parts = [part for part, use in ((success, len(success)), (dropped, lacking)) if use > 0]
     if not parts:
         return None
+    # Successes together are trusted by 1 and drops by 1 - successes / enough, so drops have half of the share at most.
     trust = np.array([1.0, lacking / max(len(dropped), 1)])[: len(parts)] if len(success) else np.ones(1)
     shares = [_normalised(part) * t / trust.sum() for part, t in zip(parts, trust, strict=True)]
     return Kernels(to_object(AttemptRecords.cat(parts)), np.concatenate(shares))
@@ -194,6 +197,7 @@ def propose(
         grasp_type=np.where(keep, attempts.grasp_type, drawn.grasp_type),
     )
     log_ratio = inside.log_density(attempts) - prior.log_prob(hands_of(attempts).to(dtype=torch.float64)).numpy()
+    # q / p = eps + (1 - eps) k / p, by logarithms.
     mixed = np.logaddexp(math.log(config.prior_share), math.log1p(-config.prior_share) + log_ratio)
     return attempts, np.where(inside.empty, 0.0, -mixed)
 
@@ -209,6 +213,7 @@ class _Inside:
         spread = kernels.hands[np.tile(np.arange(m), n)]
         centre, _ = to_world(spread, np.repeat(object_pose, m, axis=0))
         self.centre = centre.reshape(n, m, 3)
+        # A normal law cut off at [low, high] has the mass F(high) - F(low) there, F its distribution function.
         sigma = config.position_deviation
         self.low = special.ndtr((np.array(prior.low) - self.centre) / sigma)
         self.high = special.ndtr((np.array(prior.high) - self.centre) / sigma)
@@ -219,9 +224,11 @@ class _Inside:
     def sample(self, rng: np.random.Generator) -> RelativeHands:
         """One hand for each pose, in the world frame, inside the box after rounding to float32."""
         n = len(self.pose)
+        # Kernel j with the probability mass_j / sum: how many partial sums lie below a uniform share of the whole.
         total = np.cumsum(self.mass, axis=1)
         chosen = (rng.random((n, 1)) * total[:, -1:] > total).sum(axis=1)
         rows = np.arange(n)
+        # The inverse of F at a level that is uniform between F(low) and F(high) is a draw from the cut-off normal law.
         level = self.low[rows, chosen] + rng.random((n, 3)) * (self.high - self.low)[rows, chosen]
         step = special.ndtri(np.clip(level, 1e-300, 1 - 1e-16))
         position = self.centre[rows, chosen] + self.config.position_deviation * step
@@ -235,6 +242,7 @@ class _Inside:
     def log_density(self, attempts: Attempts) -> Float64[np.ndarray, "n"]:
         """Log k(h | O, p_O) with respect to the measure of p(h), for hands inside the box."""
         sigma, kappa = self.config.position_deviation, self.config.kappa
+        # Carrying both to p_O keeps distances and angles, so hands and kernels are compared in the frame of the object.
         hands = to_object(attempts)
         distance = ((hands.position[:, None] - self.kernels.hands.position) ** 2).sum(-1)
         cosine = hands.quaternion @ self.kernels.hands.quaternion.T

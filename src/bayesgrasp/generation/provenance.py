@@ -16,7 +16,6 @@ from bayesgrasp.data.store import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.robot.robotiq_3f import robotiq_3f
 
 
 def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: ScenePrior, attempts: int) -> Manifest:
@@ -34,7 +33,7 @@ def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: Sc
             {"id": asset.id, "sha256": object_hash(asset), "split": asset.split, "mass_kg": asset.mass_kg}
             for asset in world.objects
         ],
-        gripper=robotiq_3f().name,
+        gripper=world.gripper.name,
         attempts=attempts,
         commit=source_commit(),
         version=metadata.version("bayesgrasp"),

@@ -21,6 +21,8 @@ from bayesgrasp.errors import DepthImageError, shown
 from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera_file import INTRINSICS, intrinsics_of, pose_of, read_camera_file
 
+CANONICAL_POSITION = (0.40, 0.0, 0.70)
+"""Of the canonical camera, metres, world frame."""
 IMAGE_SHAPE = (160, 256)
 """Height and width of the network's image, which is also the one that data sets hold, pixels."""
 ROTATION_TOLERANCE = 1e-3
@@ -196,7 +198,7 @@ def canonical_camera() -> Camera:
 
     It stands 0.76 m from the point it looks at, within the 0.7 to 0.95 m that depths in [0.45, 1] m ask for.
     """
-    pose = look_at(np.array([0.40, 0.0, 0.70]), np.array([0.0, 0.0, 0.05]))
+    pose = look_at(np.array(CANONICAL_POSITION), np.array([0.0, 0.0, 0.05]))
     return Camera(width=640, height=480, fx=580.0, fy=580.0, cx=319.5, cy=239.5, camera_to_world=pose)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.camera import CANONICAL_POSITION
 from bayesgrasp.prior.ranges import Interval, check_interval, uniform
 from bayesgrasp.types import CameraNuisances, Nuisances
 
@@ -71,7 +72,7 @@ class CameraPrior:
         InvalidConfigurationError: A value is not finite, near >= far, an error outside [0, 1), a negative deviation.
     """
 
-    position: tuple[float, float, float] = (0.40, 0.0, 0.70)
+    position: tuple[float, float, float] = CANONICAL_POSITION
     near: float = 0.45
     far: float = 4.0
     relative_error: float = 0.02

@@ -134,6 +134,7 @@ class PlanarRefresh:
 
     def log_marginal(self, hands: RelativeHands) -> Float64[np.ndarray, "n"]:
         """Log p(rho), with respect to the measure of p(h); -inf where no pose brings the hand into the support."""
+        # With (u, v) the position turned by a yaw, the hand is at (x_O + u, y_O + v): one share for each axis.
         yaw = self._yaw_nodes()
         shape = (len(hands), self.nodes)
         world = turn(np.broadcast_to(hands.position[:, None], (*shape, 3)), np.broadcast_to(yaw, shape))
@@ -234,6 +235,7 @@ class PlanarRefresh:
 
 
 def _choose(stay: Bool[np.ndarray, "n"], old: Attempts, new: Attempts) -> Attempts:
+    """Row by row the old attempt where it stays, else the new one."""
     columns = {
         name: np.where(stay.reshape(-1, *[1] * (column.ndim - 1)), column, new.columns()[name])
         for name, column in old.columns().items()
@@ -245,6 +247,7 @@ def _share_inside(
     offset: Float64[np.ndarray, "*batch"], place: Interval, box: Interval
 ) -> Float64[np.ndarray, "*batch"]:
     """Share of the places in ``place`` for which place + offset is inside ``box``."""
+    # place + offset is in [a, b] where place is in [a - offset, b - offset]: the length of an intersection.
     width = place[1] - place[0]
     if width == 0:
         return ((place[0] + offset >= box[0]) & (place[0] + offset <= box[1])).astype(np.float64)

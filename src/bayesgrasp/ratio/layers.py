@@ -16,10 +16,13 @@ from torch import Tensor, nn
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
+from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.types import GraspType, Hands
 
 Activation = Literal["silu", "relu"]
 ACTIVATIONS: dict[Activation, type[nn.Module]] = {"silu": nn.SiLU, "relu": nn.ReLU}
+
+_PRIOR = GraspPrior()
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,8 @@ class HandConfig:
         embedding: Length of the embedding of the grasp type (1 in the paper).
     """
 
-    low: tuple[float, float, float] = (-0.15, -0.15, 0.12)
-    high: tuple[float, float, float] = (0.15, 0.15, 0.34)
+    low: tuple[float, float, float] = _PRIOR.low
+    high: tuple[float, float, float] = _PRIOR.high
     embedding: int = 1
 
     def __post_init__(self) -> None:

@@ -44,8 +44,8 @@ class Setup:
         window: Where the view shows the workspace; see `LocalConfig`.
     """
 
-    low: tuple[float, float, float] = (-0.15, -0.15, 0.12)
-    high: tuple[float, float, float] = (0.15, 0.15, 0.34)
+    low: tuple[float, float, float] = HandConfig.low
+    high: tuple[float, float, float] = HandConfig.high
     view: ViewConfig = field(default_factory=canonical_view)
     objects: int = 24
     window: Window | None = WORKSPACE_WINDOW
