@@ -27,7 +27,7 @@ import torch
 import tyro
 
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.files import write_json
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.pool import LocalPool

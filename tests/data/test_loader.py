@@ -140,6 +140,25 @@ def test_a_damaged_shard_is_found_when_unpacking(tmp_path: Path) -> None:
     assert not list((tmp_path / "data" / "cache").glob("attempts*"))
 
 
+def test_a_shard_that_is_whole_but_not_the_one_that_was_written_is_found(tmp_path: Path) -> None:
+    for name, seed in (("data", 1), ("other", 2)):
+        store = open_store(tmp_path / name, fake_world.manifest(seed=seed), False)
+        Run(store, fake_world.recipe(CONFIG, seed=seed), 160).execute(InProcess())
+    other = Store(tmp_path / "other").path("scenes", 0)
+    other.replace(Store(tmp_path / "data").path("scenes", 0))
+    with pytest.raises(DataError, match="it is not the file that was written; run `generate --resume --repair`"):
+        GraspDataset(tmp_path / "data").scenes()
+
+
+def test_a_journal_that_lost_lines_is_found(tmp_path: Path) -> None:
+    store = open_store(tmp_path / "data", fake_world.manifest(), False)
+    Run(store, fake_world.recipe(CONFIG), 320).execute(InProcess())
+    journal = tmp_path / "data" / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
+    with pytest.raises(DataError, match="has lost chunks: its journal names 160 attempts, its manifest 320"):
+        GraspDataset(tmp_path / "data")
+
+
 def test_bad_requests_are_refused(dataset: GraspDataset) -> None:
     with pytest.raises(InvalidConfigurationError, match="batch_size"):
         dataset.scenes("train", batch_size=0)

@@ -14,11 +14,13 @@ import interrupted
 import numpy as np
 import pytest
 
-from bayesgrasp.data import store as store_module
-from bayesgrasp.data.store import TABLES, Manifest, Store
-from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp import files
+from bayesgrasp.data.manifest import TABLES, Manifest
+from bayesgrasp.data.store import Store
+from bayesgrasp.errors import DataError, FileError, InvalidConfigurationError
 from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.generation.run import Progress, Run, differences, open_store
+from bayesgrasp.locks import sole_writer
 
 
 def run(directory: Path, attempts: int, resume: bool = False, repair: bool = False) -> Manifest:
@@ -85,7 +87,7 @@ def test_stopped_at_every_write_it_ends_with_the_same_records(
                 raise OSError(errno.ENOSPC, "No space left on device")
             real(handle)
 
-        monkeypatch.setattr(store_module.os, "fsync", full)
+        monkeypatch.setattr(files.os, "fsync", full)
         failures += fails_with_a_full_disk(tmp_path / "data")
     monkeypatch.undo()
     assert failures >= 6
@@ -155,7 +157,7 @@ def test_resume_starts_where_there_is_nothing(tmp_path: Path) -> None:
 
 def test_two_writers_are_refused(tmp_path: Path) -> None:
     run(tmp_path / "data", 100)
-    with Store(tmp_path / "data").lock(), pytest.raises(DataError, match="another process is writing"):
+    with sole_writer(tmp_path / "data"), pytest.raises(FileError, match="another process is writing"):
         run(tmp_path / "data", 200, resume=True)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.proposal import AdaptiveConfig
 from bayesgrasp.generation.run import Recipe

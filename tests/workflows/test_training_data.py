@@ -8,7 +8,7 @@ import pytest
 
 from bayesgrasp.data.attempts import RefreshedAttempts
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.errors import DataError
 from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import InProcess

@@ -109,7 +109,7 @@ def _numbers(effective: Effective) -> list[str]:
 
 
 def _print_disk(directory: Path, attempts: int, scenes: int) -> None:
-    from bayesgrasp.data.store import TABLES
+    from bayesgrasp.data.manifest import TABLES
 
     sizes = {name: _size(directory / name) for name in (*TABLES, "cache")}
     print("disk: " + ", ".join(f"{name} {size / 2**20:.1f} MiB" for name, size in sizes.items()))

@@ -9,7 +9,7 @@ from typing import Literal
 
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import generating
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pairing import PairingConfig

@@ -14,7 +14,7 @@ from bayesgrasp.cli.diagnose import print_report
 from bayesgrasp.cli.generate import print_data
 from bayesgrasp.cli.progress import benchmarking, counting, generating, training
 from bayesgrasp.cli.train import print_training
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.diagnostics.posterior_report import Report
 from bayesgrasp.evaluation.demonstration import Demonstration
 from bayesgrasp.evaluation.journal import SceneResult

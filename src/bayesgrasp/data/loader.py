@@ -21,9 +21,10 @@ from jaxtyping import Int64
 
 from bayesgrasp.data.cache import Columns, unpacked
 from bayesgrasp.data.images import to_metres
+from bayesgrasp.data.manifest import Manifest, fingerprint
 from bayesgrasp.data.schema import Batch, success_of
-from bayesgrasp.data.shards import HAND, hands_of, read_table, scenes_of
-from bayesgrasp.data.store import Manifest, Store
+from bayesgrasp.data.shards import HAND, hands_of, read_attempts, read_table, scenes_of
+from bayesgrasp.data.store import Store
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.geometry.hand_arrays import hands_from
 from bayesgrasp.seeding import Stream, generator
@@ -51,7 +52,18 @@ class GraspDataset:
         self.entries = self.store.entries()
         if not self.entries:
             raise DataError(f"{directory} holds no finished chunk yet; run `generate --resume`")
+        found = sum(entry.attempts for entry in self.entries.values())
+        if found < self.manifest.totals.get("attempts", 0):
+            raise DataError(
+                f"{directory} has lost chunks: its journal names {found} attempts, its manifest "
+                f"{self.manifest.totals['attempts']}; run `generate --resume` to make them again"
+            )
         self.cache = Path(cache) if cache is not None else Path(directory) / "cache"
+
+    @property
+    def fingerprint(self) -> str:
+        """A name for the very data; that of a set with more, other or altered chunks is another."""
+        return fingerprint(self.manifest, self.entries)
 
     @property
     def object_ids(self) -> tuple[str, ...]:
@@ -70,9 +82,7 @@ class GraspDataset:
     def attempt_columns(self) -> Columns:
         """All attempts as memory maps; see `AttemptRecords`."""
         rows = sum(entry.attempts for entry in self.entries.values())
-        return unpacked(
-            self.cache, "attempts", self.entries.values(), rows, lambda chunk: self.store.attempts(chunk).columns()
-        )
+        return unpacked(self.cache, "attempts", self.entries.values(), rows, self._read_attempts)
 
     def scenes(self, split: Split = "train", batch_size: int = 64, seed: int = 0, shuffle: bool = True) -> SceneLoader:
         """Batches of scenes with their images and hands."""
@@ -85,8 +95,12 @@ class GraspDataset:
         """Batches of attempts as they were made, as scenes of one hand without an image."""
         return AttemptLoader(self.attempt_columns, split, batch_size, seed, shuffle)
 
+    def _read_attempts(self, chunk: int) -> Columns:
+        path, sha256 = self.store.path("attempts", chunk), self.entries[chunk].sha256[0]
+        return read_attempts(path, chunk, sha256).columns()
+
     def _read_scenes(self, chunk: int) -> Columns:
-        table = read_table(self.store.path("scenes", chunk), chunk)
+        table = read_table(self.store.path("scenes", chunk), chunk, self.entries[chunk].sha256[1])
         hands = {HAND + name: column for name, column in hands_of(table).columns().items()}
         return scenes_of(table).columns() | hands
 

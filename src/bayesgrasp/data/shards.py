@@ -7,10 +7,11 @@ says which schema and which chunk it is, and every page carries a checksum.
 
 from __future__ import annotations
 
+import hashlib
 import io
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, get_type_hints
 
 import numpy as np
 import pyarrow as pa
@@ -18,7 +19,8 @@ import pyarrow.parquet as pq
 
 from bayesgrasp.data import images
 from bayesgrasp.data.schema import SCHEMA_VERSION, AttemptRecords, HandRecords, SceneRecords
-from bayesgrasp.errors import DataError
+from bayesgrasp.errors import DataError, FileError, clipped
+from bayesgrasp.files import MIB, read_bytes
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.types import Columns
 
@@ -31,6 +33,9 @@ ROW_SHAPES = {
     "camera_rotation_vector": (3,),
 }
 HAND = "hand_"
+LARGEST = 2048 * MIB
+"""Bytes of a shard; those of the usual chunks have a few megabytes."""
+REPAIR = "run `generate --resume --repair` to make it again"
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,9 @@ def decode(attempts: Path, scenes: Path, index: int) -> Chunk:
     return Chunk(read_attempts(attempts, index), scenes_of(table), hands_of(table))
 
 
-def read_attempts(path: Path, index: int) -> AttemptRecords:
-    """The attempts of a chunk; raises `DataError` as `decode` does."""
-    return _records(AttemptRecords, read_table(path, index))
+def read_attempts(path: Path, index: int, sha256: str | None = None) -> AttemptRecords:
+    """The attempts of a chunk; arguments and errors as for `read_table`."""
+    return _records(AttemptRecords, read_table(path, index, sha256))
 
 
 def scenes_of(table: pa.Table) -> SceneRecords:
@@ -89,25 +94,49 @@ def hands_of(table: pa.Table) -> HandRecords:
     return _records(HandRecords, table, HAND)
 
 
-def read_table(path: Path, index: int) -> pa.Table:
-    """One file of a chunk as an Arrow table; raises `DataError` as `decode` does."""
+def read_table(path: Path, index: int, sha256: str | None = None) -> pa.Table:
+    """One file of a chunk as an Arrow table.
+
+    Args:
+        path: The file.
+        index: Number of the chunk that it must hold.
+        sha256: What its content must have, where that is known.
+
+    Raises:
+        DataError: The file is missing, damaged, of another schema, or of another chunk.
+    """
+    content = _content(path, sha256)
     try:
-        table = pq.read_table(path, page_checksum_verification=True, memory_map=False, use_threads=False)
-    except FileNotFoundError as error:
-        raise DataError(f"{path} is missing; run `generate --resume --repair`") from error
-    except (pa.ArrowException, OSError) as error:
-        raise DataError(f"{path} is damaged ({error}); run `generate --resume --repair` to make it again") from error
+        table = pq.read_table(pa.BufferReader(content), page_checksum_verification=True, use_threads=False)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise DataError(f"{path} is damaged ({clipped(error)}); {REPAIR}") from error
     _check(path, table.schema.metadata or {}, index)
     return table
 
 
+def _content(path: Path, sha256: str | None) -> bytes:
+    if not path.exists():
+        raise DataError(f"{path} is missing; {REPAIR}")
+    try:
+        content = read_bytes(path, LARGEST)
+    except FileError as error:
+        raise DataError(f"{error}; {REPAIR}") from error
+    if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
+        raise DataError(f"{path} is damaged: it is not the file that was written; {REPAIR}")
+    return content
+
+
 def _check(path: Path, metadata: dict[bytes, bytes], index: int) -> None:
-    version, chunk = metadata.get(b"bayesgrasp.schema"), metadata.get(b"bayesgrasp.chunk")
+    version, chunk = metadata.get(b"bayesgrasp.schema"), metadata.get(b"bayesgrasp.chunk", b"?")
     if version != str(SCHEMA_VERSION).encode():
-        found = "no schema of bayesgrasp" if version is None else f"schema version {version.decode()}"
+        found = "no schema of bayesgrasp" if version is None else f"schema version {_word(version)}"
         raise DataError(f"{path} has {found}; this version reads schema version {SCHEMA_VERSION}")
     if chunk != str(index).encode():
-        raise DataError(f"{path} holds chunk {(chunk or b'?').decode()} where chunk {index} belongs")
+        raise DataError(f"{path} holds chunk {_word(chunk)} where chunk {index} belongs")
+
+
+def _word(text: bytes) -> str:
+    return clipped(text.decode(errors="replace"), 20)
 
 
 def _table(records: Columns, prefix: str = "") -> dict[str, pa.Array]:
@@ -152,10 +181,14 @@ def _leaf(name: str, kind: pa.DataType) -> str:
 
 
 def _records(kind: type[Records], table: pa.Table, prefix: str = "") -> Records:
-    missing = [prefix + f.name for f in fields(kind) if prefix + f.name not in table.column_names]  # type: ignore[arg-type]
+    hints = {f.name: get_type_hints(kind)[f.name] for f in fields(kind)}  # type: ignore[arg-type]
+    missing = [prefix + name for name in hints if prefix + name not in table.column_names]
     if missing:
         raise DataError(f"a shard lacks the columns {missing}; it was made with another version of bayesgrasp")
-    columns = {f.name: _to_numpy(f.name, table.column(prefix + f.name), bool(prefix)) for f in fields(kind)}  # type: ignore[arg-type]
+    columns = {name: _to_numpy(name, table.column(prefix + name), bool(prefix)) for name in hints}
+    for name, column in columns.items():
+        if str(column.dtype) not in hints[name].dtypes:
+            raise DataError(f"the column {prefix + name} of a shard holds {column.dtype}, not {hints[name].dtypes[0]}")
     return kind(**columns)
 
 
@@ -164,10 +197,12 @@ def _to_numpy(name: str, column: pa.ChunkedArray, many: bool) -> np.ndarray:
     array = column.combine_chunks()
     rows = len(array)
     if name == "image":
-        unpacked = [images.unpack(cell.as_py()) for cell in array]
+        unpacked = [images.unpack(cell.as_py() or b"") for cell in array]
         return np.stack(unpacked) if rows else np.zeros((0, *IMAGE_SHAPE), np.uint16)
-    values = (array.flatten() if pa.types.is_list(array.type) else array).to_numpy(zero_copy_only=False)
+    values: np.ndarray = (array.flatten() if pa.types.is_list(array.type) else array).to_numpy(zero_copy_only=False)
     shape = ROW_SHAPES.get(name, ())
     per_row = len(values) // rows // int(np.prod(shape)) if rows else 0
-    by_row: np.ndarray = values.reshape(rows, per_row, *shape) if many else values.reshape(rows, *shape)
-    return by_row
+    try:
+        return values.reshape(rows, per_row, *shape) if many else values.reshape(rows, *shape)
+    except ValueError as error:
+        raise DataError(f"the column {name} of a shard has rows of different lengths; {REPAIR}") from error

@@ -14,95 +14,21 @@ there. A torn last line of the journal is no line.
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import hashlib
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
 
+from bayesgrasp.data.manifest import TABLES, Entry, Manifest
 from bayesgrasp.data.schema import SCHEMA_VERSION, AttemptRecords
-from bayesgrasp.data.shards import Chunk, Shard, decode, read_attempts
-from bayesgrasp.errors import DataError, InvalidConfigurationError
+from bayesgrasp.data.shards import LARGEST, Chunk, Shard, decode, read_attempts
+from bayesgrasp.errors import DataError, FileError, InvalidConfigurationError, shown
+from bayesgrasp.files import MIB, PART, append, make_directory, read_bytes, read_json, write_bytes, write_json
 
-TABLES = ("attempts", "scenes")
-
-
-Given = Literal["image", "object"]
-
-
-@dataclass(frozen=True)
-class Manifest:
-    """What a data set is. `identity` decides whether more chunks may be added to it.
-
-    Attributes:
-        seed: The one seed of everything.
-        config: The configuration, as JSON values.
-        objects: Ordered: `id`, `sha256`, `split`, `mass_kg` of each.
-        gripper: Name of the gripper.
-        attempts: How many attempts were asked for.
-        commit: Commit of the program, where known.
-        version: Version of the program.
-        totals: Counts when the run ended: attempts, scenes, outcomes by name, per object; empty before.
-        schema_version: Of the shards.
-
-    Raises:
-        InvalidConfigurationError: No attempts, or a negative seed.
-    """
-
-    seed: int
-    config: dict[str, Any]
-    objects: list[dict[str, Any]]
-    gripper: str
-    attempts: int
-    commit: str = ""
-    version: str = ""
-    totals: dict[str, Any] = field(default_factory=dict)
-    schema_version: int = SCHEMA_VERSION
-
-    def __post_init__(self) -> None:
-        if self.attempts < 1:
-            raise InvalidConfigurationError(f"the number of attempts must be at least 1, got {self.attempts}")
-        if self.seed < 0:
-            raise InvalidConfigurationError(f"the seed must be at least 0, got {self.seed}")
-
-    @property
-    def given(self) -> Given:
-        """What the hands of a set of practice were proposed from (`generation.practice`)."""
-        return "object" if self.config.get("practice") == {"given": "object"} else "image"
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """Everything that the content of a chunk depends on."""
-        return {
-            "schema_version": self.schema_version,
-            "seed": self.seed,
-            "gripper": self.gripper,
-            "objects": self.objects,
-            "config": self.config,
-        }
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One line of the journal.
-
-    Attributes:
-        chunk: Number of the chunk.
-        attempts, scenes: Rows.
-        outcomes: For each object that occurs, by its index as text: counts by `Outcome` value.
-        sha256: Of the two files, in the order of `TABLES`.
-    """
-
-    chunk: int
-    attempts: int
-    scenes: int
-    outcomes: dict[str, list[int]]
-    sha256: list[str]
+LARGEST_MANIFEST, LARGEST_JOURNAL = 64 * MIB, 1024 * MIB
+"""Bytes; a line of the journal has about 500."""
+GO_ON = "; every finished chunk is kept: make room and go on with --resume"
 
 
 class Store:
@@ -125,9 +51,9 @@ class Store:
         store = cls(directory)
         if store.manifest_path.exists():
             raise DataError(f"{directory} already holds a data set; choose another directory or go on with --resume")
-        with _disk_errors(directory):
+        with _data_errors():
             for table in TABLES:
-                (directory / table).mkdir(parents=True, exist_ok=True)
+                make_directory(directory / table)
         store.write_manifest(manifest)
         return store
 
@@ -151,23 +77,27 @@ class Store:
         Raises:
             DataError: There is none, or it is damaged or of another schema.
         """
+        if not self.manifest_path.exists():
+            raise DataError(f"{self.directory} holds no data set: it has no manifest.json")
         try:
-            content = json.loads(self.manifest_path.read_text())
-            version = content["schema_version"]
-            if version != SCHEMA_VERSION:
-                raise DataError(
-                    f"{self.directory} has schema version {version}; this version of bayesgrasp reads "
-                    f"{SCHEMA_VERSION}: make the data set again with `bayesgrasp generate`"
-                )
-            return Manifest(**content)
-        except FileNotFoundError as error:
-            raise DataError(f"{self.directory} holds no data set: it has no manifest.json") from error
-        except (ValueError, KeyError, TypeError) as error:
+            content = read_json(self.manifest_path, LARGEST_MANIFEST)
+        except FileError as error:
+            raise DataError(f"the manifest is damaged or cannot be read: {error}") from error
+        version = content.get("schema_version") if isinstance(content, dict) else None
+        if version != SCHEMA_VERSION:
+            raise DataError(
+                f"{self.directory} has schema version {shown(version)}; this version of bayesgrasp reads "
+                f"{SCHEMA_VERSION}: make the data set again with `bayesgrasp generate`"
+            )
+        try:
+            return Manifest.from_dict(content)
+        except (ValueError, InvalidConfigurationError) as error:
             raise DataError(f"{self.manifest_path} is damaged: {error}") from error
 
     def write_manifest(self, manifest: Manifest) -> None:
-        """Replace the manifest, atomically."""
-        self._replace(self.manifest_path, (json.dumps(asdict(manifest), indent=1) + "\n").encode())
+        """Replace the manifest, atomically; raises `DataError` where the disk refuses."""
+        with _data_errors(GO_ON):
+            write_json(self.manifest_path, manifest.to_dict())
 
     def entries(self) -> dict[int, Entry]:
         """The chunks that count, by number, in order.
@@ -177,12 +107,13 @@ class Store:
         """
         if not self.journal_path.exists():
             return {}
-        lines = self.journal_path.read_bytes().split(b"\n")[:-1]
+        with _data_errors():
+            lines = read_bytes(self.journal_path, LARGEST_JOURNAL).split(b"\n")[:-1]
         try:
-            found = [Entry(**json.loads(line)) for line in lines]
-        except (ValueError, TypeError) as error:
+            found = {entry.chunk: entry for entry in map(Entry.from_line, lines)}
+        except ValueError as error:
             raise DataError(f"{self.journal_path} is damaged: {error}") from error
-        return {entry.chunk: entry for entry in sorted(found, key=lambda e: e.chunk)}
+        return dict(sorted(found.items()))
 
     def add(self, chunk: int, shard: Shard, entry: Entry) -> None:
         """Make a chunk count: its files, then its line.
@@ -190,29 +121,22 @@ class Store:
         Raises:
             DataError: The disk is full or refuses; what was there before is untouched.
         """
-        for table in TABLES:
-            self._replace(self.path(table, chunk), getattr(shard, table))
-        with _disk_errors(self.journal_path), self.journal_path.open("ab") as journal:
-            start = journal.tell()
-            try:
-                journal.write(json.dumps(asdict(entry)).encode() + b"\n")
-                journal.flush()
-                os.fsync(journal.fileno())
-            except OSError:
-                os.ftruncate(journal.fileno(), start)
-                raise
+        with _data_errors(GO_ON):
+            for table in TABLES:
+                write_bytes(self.path(table, chunk), getattr(shard, table))
+            append(self.journal_path, entry.to_line().encode())
 
     def prepare(self) -> None:
         """Clear what an interrupted run left half-done: files under their temporary names and a torn line."""
-        with _disk_errors(self.directory):
-            for table in TABLES:
-                (self.directory / table).mkdir(exist_ok=True)
-                for leftover in (self.directory / table).glob("*.part"):
+        with _data_errors():
+            for folder in (self.directory, *(self.directory / table for table in TABLES)):
+                make_directory(folder)
+                for leftover in folder.glob(f"*{PART}"):
                     leftover.unlink(missing_ok=True)
             if self.journal_path.exists():
-                whole = self.journal_path.read_bytes().rpartition(b"\n")
-                if whole[2]:
-                    os.truncate(self.journal_path, len(whole[0]) + len(whole[1]))
+                whole, end, torn = read_bytes(self.journal_path, LARGEST_JOURNAL).rpartition(b"\n")
+                if torn:
+                    os.truncate(self.journal_path, len(whole + end))
 
     def verify(self, entry: Entry) -> None:
         """Compare the files of a chunk with their checksums.
@@ -222,10 +146,10 @@ class Store:
         """
         for table, expected in zip(TABLES, entry.sha256, strict=True):
             path = self.path(table, entry.chunk)
-            try:
-                found = hashlib.sha256(path.read_bytes()).hexdigest()
-            except FileNotFoundError as error:
-                raise DataError(f"{path} is missing; {self._remedy(entry.chunk)}") from error
+            if not path.exists():
+                raise DataError(f"{path} is missing; {self._remedy(entry.chunk)}")
+            with _data_errors():
+                found = hashlib.sha256(read_bytes(path, LARGEST)).hexdigest()
             if found != expected:
                 raise DataError(
                     f"{path} is not the file that was written (truncated or altered); {self._remedy(entry.chunk)}"
@@ -233,8 +157,9 @@ class Store:
 
     def forget(self, chunks: set[int]) -> None:
         """Take chunks out of the journal, so that they are made again; atomically."""
-        kept = [json.dumps(asdict(e)) + "\n" for e in self.entries().values() if e.chunk not in chunks]
-        self._replace(self.journal_path, "".join(kept).encode())
+        kept = [entry.to_line() for entry in self.entries().values() if entry.chunk not in chunks]
+        with _data_errors():
+            write_bytes(self.journal_path, "".join(kept).encode())
 
     def chunk(self, index: int) -> Chunk:
         """Read a chunk; raises `DataError` where it is damaged."""
@@ -244,54 +169,14 @@ class Store:
         """Read the attempts of a chunk; raises `DataError` where they are damaged."""
         return read_attempts(self.path("attempts", index), index)
 
-    @contextmanager
-    def lock(self) -> Iterator[None]:
-        """Keep a second writer out; the lock dies with the process.
-
-        Raises:
-            DataError: Another process is writing.
-        """
-        with _disk_errors(self.directory):
-            handle = (self.directory / "lock").open("w")
-        with handle:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise DataError(f"another process is writing to {self.directory}") from error
-            yield
-
     def _remedy(self, chunk: int) -> str:
         return f"run `generate --resume --repair` to make chunk {chunk} again, the same as before"
 
-    def _replace(self, path: Path, content: bytes) -> None:
-        part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        with _disk_errors(path):
-            try:
-                with part.open("wb") as handle:
-                    handle.write(content)
-                    handle.flush()
-                    os.fsync(handle.fileno())
-                part.replace(path)
-            finally:
-                part.unlink(missing_ok=True)
-            _flush_directory(path.parent)
-
-
-def _flush_directory(directory: Path) -> None:
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
 
 @contextmanager
-def _disk_errors(path: Path) -> Iterator[None]:
+def _data_errors(remedy: str = "") -> Iterator[None]:
+    """Failures of the disk as failures of a data set."""
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise DataError(
-                f"the disk is full at {path}; every finished chunk is kept: free space and --resume"
-            ) from error
-        raise DataError(f"cannot write {path}: {error.strerror or error}") from error
+        raise DataError(f"{error}{remedy}") from error

@@ -24,9 +24,9 @@ import numpy as np
 from jaxtyping import Float32
 
 from bayesgrasp.data.images import to_units
+from bayesgrasp.data.manifest import Given
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
-from bayesgrasp.data.store import Given
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.run import Done, Recipe, Task, finish
 from bayesgrasp.geometry.hand_arrays import attempts_of

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.scene import ScenePrior

@@ -15,13 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from bayesgrasp.data.manifest import TABLES, Entry, Manifest
 from bayesgrasp.data.schema import AttemptRecords
 from bayesgrasp.data.shards import Chunk, Shard, encode
-from bayesgrasp.data.store import TABLES, Entry, Manifest, Store
+from bayesgrasp.data.store import Store
 from bayesgrasp.errors import DataError
 from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, World
 from bayesgrasp.generation.pool import Executor
 from bayesgrasp.generation.proposal import Proposal, learn
+from bayesgrasp.locks import sole_writer
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Outcome
@@ -131,9 +133,10 @@ class Run:
             repair: Make damaged chunks again instead of refusing to go on.
 
         Raises:
-            DataError: Another process is writing, the disk is full, or a chunk is damaged and ``repair`` is False.
+            FileError: Another process is writing.
+            DataError: The disk is full, or a chunk is damaged and ``repair`` is False.
         """
-        with self.store.lock():
+        with sole_writer(self.store.directory):
             self.store.prepare()
             self.entries = self._intact(repair)
             counts = totals(self.entries)

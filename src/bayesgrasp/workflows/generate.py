@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.generation.pool import Executor, LocalPool
 from bayesgrasp.generation.provenance import describe

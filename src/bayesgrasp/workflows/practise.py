@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import torch
 
-from bayesgrasp.data.store import Given, Manifest
+from bayesgrasp.data.manifest import Given, Manifest
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.generation.pairing import PairingConfig

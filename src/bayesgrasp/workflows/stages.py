@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from bayesgrasp.data.store import Manifest
+from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.diagnostics.posterior_report import Report
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.demonstration import Demonstration
