@@ -95,7 +95,7 @@ def time_samples(planner: Planner, seed: int, count: int = 10_000) -> dict[str, 
     objects = meshes()
     scenes = ScenePrior(len(objects)).sample(1, generator(seed, 2))
     image = torch.from_numpy(DepthSensor(objects).images(scenes, None, generator(seed, 3)))
-    ratio = planner.posterior.given_image(image)
+    ratio = planner.likelihood.given_image(image)
     draw = partial(sample_posterior, ratio, planner.prior, count)
     timings = [cpu_and_wall(partial(draw, generator(seed, 4, k))) for k in range(3)]
     cpu, wall = np.median(timings, axis=0)

@@ -49,7 +49,7 @@ def judge(plan: Plan, planner: Planner) -> dict[str, object]:
         "above_table_m": round(lowest, 4),
         "success_probability": round(best.success_probability, 3),
         "grasp_type": best.grasp_type.name.lower(),
-        "unfamiliarity": plan.unfamiliarity,
+        "unfamiliarity": plan.observed.unfamiliarity,
         "ms": round(plan.timings_ms["total"]),
     }
 

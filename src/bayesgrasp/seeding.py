@@ -12,6 +12,8 @@ import numpy as np
 import torch
 from numpy.random.bit_generator import ISeedSequence
 
+from bayesgrasp.errors import InvalidConfigurationError
+
 
 @unique
 class Stream(Enum):
@@ -63,6 +65,11 @@ class Stream(Enum):
     PRIOR_FIGURE = (24,)  # (): hands drawn in the figure of the prior
     SHEET = (25,)  # (): images on the sheet of a data set
 
+    # Posteriors
+    EVIDENCE = (26,)  # (): draws from the prior behind the constant of a posterior
+    POSTERIOR_SAMPLE = (27,)  # (): draws from a posterior
+    POSTERIOR_MODE = (28,)  # (): draws from the prior that the search for its mode starts at
+
 
 def seed_sequence(seed: int, *path: Stream | int) -> np.random.SeedSequence:
     """The seed sequence at ``path`` below ``seed``."""
@@ -75,17 +82,30 @@ def generator(seed: int, *path: Stream | int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64DXSM(seed_sequence(seed, *path)))
 
 
+def generator_of(seed: int | np.random.Generator, stream: Stream) -> np.random.Generator:
+    """The generator that a caller hands in as it is, or the one of a stream below a seed.
+
+    Raises:
+        InvalidConfigurationError: A negative seed.
+    """
+    if isinstance(seed, np.random.Generator):
+        return seed
+    if seed < 0:
+        raise InvalidConfigurationError(f"the seed must be at least 0, got {seed}")
+    return generator(seed, stream)
+
+
 def torch_generator(seed: int, *path: Stream | int, device: torch.device | str = "cpu") -> torch.Generator:
     """A torch generator for the stream at ``path`` below ``seed``."""
     return _torch_generator(seed_sequence(seed, *path), device)
 
 
-def torch_child(rng: np.random.Generator) -> torch.Generator:
-    """A torch generator (CPU) for the next child of a NumPy generator's stream, from which nothing is drawn.
+def torch_child(rng: np.random.Generator, device: torch.device | str = "cpu") -> torch.Generator:
+    """A torch generator for the next child of a NumPy generator's stream, from which nothing is drawn.
 
     The k-th call gives the stream at the path of ``rng`` and k, however many numbers were drawn from ``rng`` before.
     """
-    return _torch_generator(rng.spawn(1)[0].bit_generator.seed_seq, "cpu")
+    return _torch_generator(rng.spawn(1)[0].bit_generator.seed_seq, device)
 
 
 def _torch_generator(sequence: ISeedSequence, device: torch.device | str) -> torch.Generator:

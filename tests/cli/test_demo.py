@@ -13,7 +13,7 @@ from bayesgrasp.cli import demo as command
 from bayesgrasp.cli.main import main
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.surface import SurfaceReader
-from bayesgrasp.planning.planner import Planner, Posterior
+from bayesgrasp.planning.planner import Planner, TrainedLikelihood
 from bayesgrasp.types import Hands
 from bayesgrasp.workflows.load import load_planner
 
@@ -42,7 +42,7 @@ def planner(tmp_path_factory: pytest.TempPathFactory) -> Planner:
 
 
 def show(monkeypatch: pytest.MonkeyPatch, planner: Planner, rule, out: Path) -> np.ndarray:
-    thinker = replace(planner, posterior=Posterior(rule, lambda value: value.sigmoid()))
+    thinker = replace(planner, likelihood=TrainedLikelihood(rule, lambda value: value.sigmoid()))
     monkeypatch.setattr(command, "load_planner", lambda model: thinker)
     main(["demo", "--object", "household_carton", "--seed", "2", "--out", str(out)])
     return np.asarray(Image.open(out))

@@ -8,7 +8,8 @@ from fake_arm import FakeArm
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.surface import SurfaceReader
-from bayesgrasp.planning.planner import Planner, Posterior
+from bayesgrasp.planning.observing import Observer
+from bayesgrasp.planning.planner import Planner, TrainedLikelihood
 from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.robot.open_hand import OpenHand
@@ -35,7 +36,6 @@ def given_image(image: torch.Tensor):
 @pytest.fixture(scope="session")
 def thumb_planner() -> Planner:
     """A planner that works without training, on canonical images."""
-    reader = SurfaceReader(network_camera())
-    robot = Robot(OpenHand(robotiq_3f()), FakeArm())
-    posterior = Posterior(given_image, lambda value: value.sigmoid())
-    return Planner(posterior, GraspPrior(), CanonicalView().of, reader, robot)
+    likelihood = TrainedLikelihood(given_image, lambda value: value.sigmoid())
+    observer = Observer(CanonicalView().of, SurfaceReader(network_camera()))
+    return Planner(likelihood, GraspPrior(), observer, Robot(OpenHand(robotiq_3f()), FakeArm()))

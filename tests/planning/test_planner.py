@@ -15,12 +15,13 @@ from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
 from bayesgrasp.observation.familiarity import STATISTICS, Familiarity
 from bayesgrasp.observation.user_camera import aligned_workspace, to_camera
 from bayesgrasp.planning.figure import save_plan_figure
-from bayesgrasp.planning.planner import PlannerConfig, Posterior
+from bayesgrasp.planning.planner import PlannerConfig, TrainedLikelihood
+from bayesgrasp.planning.search import SearchConfig
 from bayesgrasp.planning.selection import Candidates, Robot, SelectionConfig
 from bayesgrasp.posterior.sampling import SamplerConfig
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.seeding import generator
-from bayesgrasp.types import GraspType
+from bayesgrasp.types import GraspType, Hands
 
 CAMERA = canonical_camera()
 
@@ -81,10 +82,10 @@ def test_likelihood_and_posterior_are_both_searched(thumb_planner, depth) -> Non
     """A ratio that likes tilted hands, where the prior is thin."""
 
     def given_image(image: torch.Tensor):
-        upright = thumb_planner.posterior.given_image(image)
+        upright = thumb_planner.likelihood.given_image(image)
         return lambda hands: upright(hands) - 4 * (hands.rotation[..., 2, 0] + 0.6).square()
 
-    planner = replace(thumb_planner, posterior=Posterior(given_image, lambda value: value.sigmoid()))
+    planner = replace(thumb_planner, likelihood=TrainedLikelihood(given_image, lambda value: value.sigmoid()))
     configs = [PlannerConfig(selection=SelectionConfig(rank=rank, tie=0.0)) for rank in ("success", "posterior")]
     by_success, by_posterior = (replace(planner, config=c).plan(depth, CAMERA, top=1).grasps[0] for c in configs)
     assert by_success.success_probability > by_posterior.success_probability
@@ -160,9 +161,9 @@ def test_hands_that_cut_into_the_surface_are_left_out(thumb_planner) -> None:
 def test_unlike_images_are_flagged(thumb_planner, depth) -> None:
     k = len(STATISTICS)
     strange = Familiarity(np.full(k, 5.0), np.eye(k), 0.1)
-    plan = replace(thumb_planner, familiarity=strange).plan(depth, CAMERA)
-    assert not plan.familiar
-    assert plan.unfamiliarity > 1
+    plan = replace(thumb_planner, observer=replace(thumb_planner.observer, familiarity=strange)).plan(depth, CAMERA)
+    assert not plan.observed.familiar
+    assert plan.observed.unfamiliarity > 1
     assert any("unlike the training images" in warning for warning in plan.warnings)
     assert plan.to_dict()["misspecification"]["unfamiliar"]
 
@@ -274,14 +275,65 @@ def test_wrong_requests_are_refused(thumb_planner, depth) -> None:
     with pytest.raises(InvalidConfigurationError, match="seed"):
         thumb_planner.plan(depth, CAMERA, seed=-1)
     with pytest.raises(InvalidConfigurationError):
-        PlannerConfig(num_draws=0)
+        SearchConfig(num_draws=0)
     with pytest.raises(InvalidConfigurationError):
         SelectionConfig(cutting_points=0)
     with pytest.raises(InvalidConfigurationError, match="tie"):
         SelectionConfig(tie=-0.1)
 
 
-def test_the_ratio_is_evaluated_in_the_workspace_frame(thumb_planner, plan) -> None:
-    assert plan.image.shape == (160, 256)
-    assert torch.is_tensor(plan.samples.hands.position)
-    assert thumb_planner.prior.in_support(plan.samples.hands).all()
+def hands_of(plan) -> Hands:
+    poses = torch.from_numpy(np.stack([grasp.hand_to_world for grasp in plan.grasps])).float()
+    types = torch.tensor([int(grasp.grasp_type) for grasp in plan.grasps])
+    return Hands(poses[:, :3, 3], poses[:, :3, :3], types)
+
+
+@pytest.mark.parametrize("eye", [(0.40, 0.0, 0.70), (-0.25, 0.35, 0.65)])
+def test_the_posterior_is_the_one_that_the_plan_was_made_from(thumb_planner, eye) -> None:
+    """In the world frame, also where the workspace is turned against it."""
+    camera = CAMERA.with_pose(look_at(np.array(eye), np.array([0.0, 0.0, 0.05])))
+    depth = box_depth_image(camera, (Box(x=0.02, y=-0.03, yaw=0.4),))
+    plan = thumb_planner.plan(depth, camera, samples=400, seed=3)
+    posterior = thumb_planner.posterior(depth, camera, seed=3)
+    assert plan.observed.image.shape == (160, 256)
+    expected = torch.tensor([grasp.log_posterior for grasp in plan.grasps])
+    chance = torch.tensor([grasp.success_probability for grasp in plan.grasps])
+    for found in (plan.posterior, posterior):
+        torch.testing.assert_close(found.log_prob(hands_of(plan)), expected, atol=2e-3, rtol=0)
+        torch.testing.assert_close(found.success_probability(hands_of(plan)), chance, atol=1e-4, rtol=1e-3)
+    assert posterior.evidence == plan.posterior.evidence
+    tips = plan.samples.hands.position + plan.samples.hands.rotation @ torch.tensor([0.13, 0.0, 0.0])
+    np.testing.assert_allclose(tips.mean(0)[:2], (0.02, -0.03), atol=0.015)
+    assert posterior.log_prob(posterior.mode()) >= expected.max() - 0.1
+
+
+def test_without_an_object_there_is_no_posterior(thumb_planner) -> None:
+    with pytest.raises(DepthImageError, match="nothing on the table"):
+        thumb_planner.posterior(box_depth_image(CAMERA), CAMERA)
+
+
+def test_many_images_are_planned_as_each_alone(thumb_planner, depth) -> None:
+    side = CAMERA.with_pose(look_at(np.array([-0.25, 0.35, 0.65]), np.array([0.0, 0.0, 0.05])))
+    images = [
+        (depth, CAMERA),
+        (box_depth_image(side, (Box(x=-0.02),)), side),
+        (box_depth_image(CAMERA), CAMERA),
+        (depth, CAMERA.with_pose(None)),
+    ]
+    together = thumb_planner.plan_many(iter(images), top=2, samples=50, seed=5)
+    assert [plan.reason is None for plan in together] == [True, True, False, True]
+    for plan, image in zip(together, images, strict=True):
+        alone = thumb_planner.plan(*image, top=2, samples=50, seed=5)
+        assert without_times(plan) == without_times(alone)
+        if alone.samples is not None:
+            assert torch.equal(plan.samples.hands.position, alone.samples.hands.position)
+
+
+def without_times(plan) -> dict:
+    return {name: value for name, value in plan.to_dict().items() if name != "timings_ms"}
+
+
+def test_of_many_images_the_wrong_one_is_named(thumb_planner, depth) -> None:
+    with pytest.raises(DepthImageError, match=r"image 1: .*negative"):
+        thumb_planner.plan_many([(depth, CAMERA), (-depth, CAMERA)])
+    assert thumb_planner.plan_many([]) == ()

@@ -8,8 +8,9 @@ import bayesgrasp
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.observation.preprocess import preprocess
 from bayesgrasp.posterior.ascent import AscentConfig, find_map
+from bayesgrasp.posterior.importance import weigh
 from bayesgrasp.posterior.potential import posterior_potential
-from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior, weigh
+from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Hands
 from bayesgrasp.workflows.load import DEFAULT_MODEL
@@ -22,7 +23,7 @@ def trained():
         pytest.skip(f"no trained model is shipped in {DEFAULT_MODEL.name}/")
     planner = bayesgrasp.load()
     image = torch.from_numpy(preprocess(box_depth_image(canonical_camera(), (Box(x=0.01, yaw=0.3),))))
-    return planner.prior, planner.posterior.given_image(image[None])
+    return planner.prior, planner.likelihood.given_image(image[None])
 
 
 def features(hands: Hands) -> torch.Tensor:

@@ -186,7 +186,7 @@ class _Worker:
     def _strategies(self, contestants: Contestants) -> dict[str, Choose]:
         planner = contestants.planner
         baselines: dict[str, Choose] = {
-            "top_down": top_down(planner.reader, planner.robot),
+            "top_down": top_down(planner.observer.reader, planner.robot),
             "force_closure": ForceClosure(planner.prior, self.lift_test).choose,
             "plan": planned(planner),
         }

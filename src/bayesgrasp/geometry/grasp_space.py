@@ -16,12 +16,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from jaxtyping import Float
+import numpy as np
+from jaxtyping import Float, Float64
 from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
 from bayesgrasp.types import Hands
+
+
+def carried(hands: Hands, motion: Float64[np.ndarray, "4 4"]) -> Hands:
+    """Hands carried along by a rigid motion, or the same hands in another frame; densities of hands do not change."""
+    if np.array_equal(motion, np.eye(4)):
+        return hands
+    rotation, translation = (hands.position.new_tensor(part) for part in (motion[:3, :3], motion[:3, 3]))
+    return replace(hands, position=hands.position @ rotation.mT + translation, rotation=rotation @ hands.rotation)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Left to right: the depth image with the best grasp; the posterior of the position, p(x | S=1, i), above the measured
 surface; the posterior of the rotation, p(R | S=1, i), as the three axes of the hand on the unit sphere (x red, y green,
-z blue); the posterior of the grasp type, p(g | S=1, i).
+z blue); the posterior of the grasp type, p(g | S=1, i), above those of the three coordinates. All in the world frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from scipy.spatial import ConvexHull, QhullError
 
 from bayesgrasp.geometry.camera import Camera
+from bayesgrasp.planning.observing import Observed
 from bayesgrasp.planning.plan import Grasp, Plan
+from bayesgrasp.posterior.marginals import Histogram, Marginals, marginals_of
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
@@ -45,9 +47,12 @@ def save_plan_figure(
     grid = figure.add_gridspec(1, 4, width_ratios=(1.5, 1.05, 1.0, 0.55), wspace=0.06)
     draw_grasps(figure.add_subplot(grid[0]), plan, depth, camera, hand, title)
     hands = None if plan.samples is None else plan.samples.hands
-    _draw_positions(figure.add_subplot(grid[1], projection="3d"), plan, hands)
+    marginals = None if hands is None or plan.posterior is None else marginals_of(hands, plan.posterior.region)
+    _draw_positions(figure.add_subplot(grid[1], projection="3d"), plan.observed, hands)
     _draw_axes(figure.add_subplot(grid[2], projection="3d"), hands)
-    _draw_types(figure.add_subplot(grid[3]), hands)
+    right = grid[3].subgridspec(2, 1)
+    _draw_types(figure.add_subplot(right[0]), marginals)
+    _draw_coordinates(figure.add_subplot(right[1]), marginals)
     figure.savefig(path, dpi=120)
 
 
@@ -68,8 +73,9 @@ def draw_grasps(
 
 def _depth_range(plan: Plan, depth: Float[np.ndarray, "h w"]) -> tuple[float, float]:
     """Depths of the workspace, so that its objects show; of the whole image where nothing of it is seen."""
-    to_camera = np.linalg.inv(plan.camera_to_world) @ plan.workspace_to_world
-    seen = plan.surface.near(0.2) @ to_camera[2, :3] + to_camera[2, 3]
+    observed = plan.observed
+    to_camera = np.linalg.inv(observed.camera_to_world) @ observed.workspace_to_world
+    seen = observed.surface.near(0.2) @ to_camera[2, :3] + to_camera[2, 3]
     seen = seen if len(seen) else depth[depth > 0]
     low, high = np.percentile(seen, (0.5, 99.5)) if len(seen) else (0.0, 1.0)
     return float(low) - 0.02, float(high)
@@ -114,9 +120,10 @@ def _hull(pixels: np.ndarray) -> np.ndarray:
         return pixels
 
 
-def _draw_positions(axes: Axes3D, plan: Plan, hands: Hands | None) -> None:
-    for points, color in ((plan.surface.near(0.2), "0.75"), (plan.surface.item_points, "0.2")):
-        axes.scatter(*points[:: 1 + len(points) // 1500].T, s=2, c=color, alpha=0.6, linewidths=0, depthshade=False)
+def _draw_positions(axes: Axes3D, observed: Observed, hands: Hands | None) -> None:
+    for points, color in ((observed.surface.near(0.2), "0.75"), (observed.surface.item_points, "0.2")):
+        few = observed.in_world(points[:: 1 + len(points) // 1500])
+        axes.scatter(*few.T, s=2, c=color, alpha=0.6, linewidths=0, depthshade=False)
     if hands is not None:
         chosen = _thin(hands)
         colors = matplotlib.colormaps["Dark2"](chosen.grasp_type.numpy())
@@ -148,14 +155,22 @@ def _draw_axes(axes: Axes3D, hands: Hands | None) -> None:
     axes.set_title("p(R | S=1, i): axes of the hand", fontsize=10)
 
 
-def _draw_types(axes: Axes, hands: Hands | None) -> None:
+def _draw_types(axes: Axes, marginals: Marginals | None) -> None:
     names = [t.name.lower() for t in GraspType]
-    share = np.zeros(len(names))
-    if hands is not None:
-        share = np.bincount(hands.grasp_type.numpy(), minlength=len(names)) / len(hands.grasp_type)
+    share = np.zeros(len(names)) if marginals is None else marginals.grasp_type
     axes.bar(names, share, color=matplotlib.colormaps["Dark2"](np.arange(len(names))))
     axes.set(ylim=(0, 1), ylabel="probability")
     axes.set_title("p(g | S=1, i)", fontsize=10)
+
+
+def _draw_coordinates(axes: Axes, marginals: Marginals | None) -> None:
+    if marginals is not None:
+        for name, color in zip("xyz", AXIS_COLORS, strict=True):
+            histogram: Histogram = getattr(marginals, name)
+            axes.stairs(histogram.density, histogram.edges, color=color, label=name)
+        axes.legend(fontsize=7, frameon=False)
+    axes.set(xlabel="m", ylabel="1 / m")
+    axes.set_title("p(x | S=1, i), by axis", fontsize=10)
 
 
 def _thin(hands: Hands) -> Hands:

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from bayesgrasp.observation.surface import Surface
+from bayesgrasp.planning.observing import Observed, Pose
+from bayesgrasp.posterior.posterior import Posterior
 from bayesgrasp.posterior.sampling import PosteriorSample
 from bayesgrasp.types import GraspType
 
 JointPath = Float64[np.ndarray, "waypoints joints"]
-Pose = Float64[np.ndarray, "4 4"]
 
 
 @runtime_checkable
@@ -45,8 +45,7 @@ class Grasp:
         hand_to_world: Pose of the hand, metres.
         hand_to_camera: The same in the frame of the user's camera.
         grasp_type: Grasp type.
-        log_posterior: log p(h | S=1, i), nats, with respect to metres cubed and the surface measure of S^3; its
-            constant is a Monte Carlo estimate.
+        log_posterior: log p(h | S=1, i), nats, as `Posterior.log_prob` gives it.
         success_probability: Estimate of p(S=1 | i, h).
         on_object: Share of the measured object points that lie between the fingers.
         clearance: Least distance of the open hand, on its straight way to h, from the measured points above the
@@ -90,33 +89,23 @@ class Plan:
     Attributes:
         grasps: Ranked, best first.
         reason: Why there is none, in words; None where there is one.
-        warnings: What to know before trusting the grasps, in words.
-        unfamiliarity: Distance from the training images over the largest one that counts as familiar: above 1 the
-            image is unlike the training images. None where the model does not know its training images.
-        camera_to_world: Pose of the user's camera, given or found.
-        workspace_to_world: Frame in which the posterior was evaluated: the world turned about z until the camera stands
-            where it stood in training.
-        image: What the network saw, metres.
-        surface: The measured points, in the workspace frame.
-        samples: Draws from the posterior in the workspace frame, where asked for.
+        observed: What was made of the image: frames, measured points, familiarity.
+        posterior: p(h | S=1, i), world frame; None where there is nothing to grasp.
+        samples: Draws from it, where asked for.
         timings_ms: Wall-clock time of each stage, and `total`.
     """
 
     grasps: tuple[Grasp, ...]
     reason: str | None
-    warnings: tuple[str, ...]
-    unfamiliarity: float | None
-    camera_to_world: Pose
-    workspace_to_world: Pose
-    image: Float32[np.ndarray, "height width"]
-    surface: Surface
+    observed: Observed
+    posterior: Posterior | None
     samples: PosteriorSample | None
     timings_ms: dict[str, float]
 
     @property
-    def familiar(self) -> bool:
-        """False where the image is known to be unlike the training images."""
-        return self.unfamiliarity is None or self.unfamiliarity <= 1.0
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before trusting the grasps, in words."""
+        return self.observed.warnings
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data."""
@@ -124,8 +113,8 @@ class Plan:
             "grasps": [grasp.to_dict() for grasp in self.grasps],
             "reason": self.reason,
             "warnings": list(self.warnings),
-            "misspecification": {"score": self.unfamiliarity, "unfamiliar": not self.familiar},
-            "camera_to_world": self.camera_to_world.tolist(),
+            "misspecification": {"score": self.observed.unfamiliarity, "unfamiliar": not self.observed.familiar},
+            "camera_to_world": self.observed.camera_to_world.tolist(),
             "posterior": _sample_to_dict(self.samples),
             "timings_ms": self.timings_ms,
         }
@@ -139,5 +128,6 @@ def _pose_to_dict(pose: Pose) -> dict[str, Any]:
 def _sample_to_dict(samples: PosteriorSample | None) -> dict[str, Any] | None:
     if samples is None:
         return None
-    names = ("effective_sample_size", "log_mean_ratio", "acceptance", "jump_acceptance")
-    return {"samples": len(samples.hands.grasp_type), **{name: getattr(samples, name) for name in names}}
+    names = ("effective_sample_size", "acceptance", "jump_acceptance")
+    content = {"samples": len(samples.hands.grasp_type), "log_mean_ratio": samples.evidence.log_mean}
+    return content | {name: getattr(samples, name) for name in names}

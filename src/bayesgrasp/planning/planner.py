@@ -3,16 +3,12 @@
     check -> view (canonical image) -> scene (is there anything to grasp?) -> encode -> search (MAP and MLE)
           -> reach (ranking, joint paths, clearance) -> samples
 
-Everything that depends on the trained model, the sensor or the arm is handed in: this file knows none of them. Frames
-are explained in `observation`.
+Everything that depends on the trained model, the sensor or the arm is handed in: this file knows none of them.
 """
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,43 +16,34 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera
-from bayesgrasp.observation.familiarity import Familiarity
-from bayesgrasp.observation.surface import Surface, SurfaceReader
-from bayesgrasp.observation.table import TableConfig, locate_workspace
-from bayesgrasp.observation.user_camera import Intrinsics, aligned_workspace, check_depth, check_scale, to_camera
-from bayesgrasp.planning.plan import Grasp, Plan
-from bayesgrasp.planning.selection import Candidates, Robot, Selection, SelectionConfig
-from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
-from bayesgrasp.posterior.potential import LogDensity, Prior, tempered_potential
-from bayesgrasp.posterior.sampling import SamplerConfig, sample_posterior
-from bayesgrasp.seeding import Stream, generator
-from bayesgrasp.types import Hands
-
-View = Callable[[Float32[np.ndarray, "h w"], Camera], Float32[np.ndarray, "height width"]]
-"""From a depth image (metres, 0 = no return) of any camera with a pose to the network's image."""
+from bayesgrasp.observation.user_camera import Intrinsics, check_depth, to_camera
+from bayesgrasp.planning.observing import Observed, Observer, Stopwatch
+from bayesgrasp.planning.plan import Plan
+from bayesgrasp.planning.search import SearchConfig, search
+from bayesgrasp.planning.selection import Robot, Selection, SelectionConfig
+from bayesgrasp.posterior.importance import Weighted, estimate_evidence, weigh
+from bayesgrasp.posterior.posterior import Posterior, Seed
+from bayesgrasp.posterior.potential import LogDensity, Prior
+from bayesgrasp.posterior.sampling import SamplerConfig
+from bayesgrasp.seeding import Stream, generator_of
 
 
 @dataclass(frozen=True)
-class Posterior:
-    """The trained part: the ratio of one image, and what its value says about success.
+class TrainedLikelihood:
+    """What was learned: the ratio of one image, and what its value says about success.
 
     Attributes:
-        given_image: From the network's image (1, height, width) to log r(S=1, i | h), up to a constant.
+        given_image: From the network's image (1, height, width) to log r(S=1, i | h), up to a constant, of hands in the
+            workspace frame.
         success_probability: From values of that log-ratio to estimates of p(S=1 | i, h).
+        device: Where images and hands are taken.
     """
 
     given_image: Callable[[Tensor], LogDensity]
     success_probability: Callable[[Tensor], Tensor]
-
-
-QUICK = AscentConfig(starts_per_type=4, steps=12, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
-"""More starts than Algorithm 2, and no more precision than a robot can use."""
-
-
-TEMPERS = (1.0, 0.0)
-"""Weights of the log-prior in the ascents: they lead to the MAP and to the MLE."""
+    device: torch.device = field(default_factory=lambda: torch.device("cpu"))
 
 
 @dataclass(frozen=True)
@@ -64,28 +51,14 @@ class PlannerConfig:
     """Cost and behaviour of a plan.
 
     Attributes:
-        num_draws: Draws from the prior that compete for the starts; more than in Algorithm 2, since each is tried with
-            its own grasp type only.
-        ascent: The search; by default four starts per grasp type for the maximum of the posterior, and as many for that
-            of the likelihood inside the prior's box.
-        fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
-        alignment: The world is turned where the camera stands more than this off its side in training, radians.
-        selection: What makes a grasp executable and distinct.
+        search: Candidates.
+        selection: What makes a grasp executable and distinct, and which is better.
         sampler: Posterior samples.
-        table: Search for the table where the camera's pose is unknown.
     """
 
-    num_draws: int = 2000
-    ascent: AscentConfig = QUICK
-    fallbacks: int = 30
-    alignment: float = 0.35
+    search: SearchConfig = field(default_factory=SearchConfig)
     selection: SelectionConfig = field(default_factory=SelectionConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
-    table: TableConfig = field(default_factory=TableConfig)
-
-    def __post_init__(self) -> None:
-        if self.num_draws < 1 or self.fallbacks < 0 or self.alignment < 0:
-            raise InvalidConfigurationError("a plan needs num_draws >= 1, fallbacks >= 0 and alignment >= 0")
 
 
 @dataclass(frozen=True)
@@ -93,21 +66,17 @@ class Planner:
     """Depth image in, ranked grasps out.
 
     Attributes:
-        posterior: The trained ratio.
+        likelihood: The trained ratio.
         prior: p(h).
-        view: Re-projection into the canonical view.
-        reader: Points of that view.
+        observer: Reads images.
         robot: The hand and the arm.
-        familiarity: What training images look like; None if the model does not say.
         config: Cost and behaviour.
     """
 
-    posterior: Posterior
+    likelihood: TrainedLikelihood
     prior: Prior
-    view: View
-    reader: SurfaceReader
+    observer: Observer
     robot: Robot
-    familiarity: Familiarity | None = None
     config: PlannerConfig = field(default_factory=PlannerConfig)
 
     def plan(
@@ -118,7 +87,7 @@ class Planner:
         *,
         top: int = 5,
         samples: int = 0,
-        seed: int | np.random.Generator = 0,
+        seed: Seed = 0,
     ) -> Plan:
         """Plan grasps for one image.
 
@@ -134,108 +103,112 @@ class Planner:
         Raises:
             DepthImageError: The image or the camera is not usable.
         """
-        if top < 1 or samples < 0:
-            raise InvalidConfigurationError(f"top must be at least 1 and samples at least 0, got {top} and {samples}")
-        if not isinstance(seed, np.random.Generator) and seed < 0:
-            raise InvalidConfigurationError(f"the seed must be at least 0, got {seed}")
-        rng = seed if isinstance(seed, np.random.Generator) else generator(seed, Stream.PLAN)
-        return _Planning(self, rng).run(
-            check_depth(depth), to_camera(intrinsics, depth.shape, camera_to_world), top, samples
-        )
+        wanted = _Wanted(top, samples)
+        rng = generator_of(seed, Stream.PLAN)
+        return self._answer(*_checked(depth, intrinsics, camera_to_world), wanted, rng)
 
+    def plan_many(
+        self, images: Iterable[tuple[np.ndarray, Intrinsics]], *, top: int = 5, samples: int = 0, seed: int = 0
+    ) -> tuple[Plan, ...]:
+        """Plan grasps for several images, each a depth image with its camera.
 
-class _Planning:
-    """One plan in the making."""
+        Every image is planned with the same seed, so its plan is the one that `plan` makes of it alone. All images are
+        checked before the first is planned.
 
-    def __init__(self, planner: Planner, rng: np.random.Generator) -> None:
-        self.planner, self.config, self.rng = planner, planner.config, rng
-        self.timings: dict[str, float] = {}
-        self.warnings: list[str] = []
+        Args:
+            images: Pairs of what `plan` takes as `depth` and `intrinsics`.
+            top: Number of grasps for each.
+            samples: Number of draws from each posterior.
+            seed: Of all random draws for each.
 
-    def run(self, depth: Float32[np.ndarray, "h w"], camera: Camera, top: int, samples: int) -> Plan:
-        started = time.perf_counter()
-        with self._stage("view"):
-            camera = self._with_pose(depth, camera)
-            check_scale(depth, camera)
-            workspace_to_world = aligned_workspace(camera.pose, self.config.alignment)
-            world_to_workspace = np.linalg.inv(workspace_to_world)
-            image = self.planner.view(depth, camera.with_pose(world_to_workspace @ camera.pose))
-        with self._stage("scene"):
-            surface = self.planner.reader.read(image)
-            reason = surface.problem()
-            cleared = self.planner.reader.cleared(image, surface)
-            seen = surface if cleared is image else self.planner.reader.read(cleared, surface.item)
-            unfamiliarity = None if reason else self._unfamiliarity(seen)
-            image = cleared
-        grasps: tuple[Grasp, ...] = ()
-        drawn = None
-        if reason is None:
-            with self._stage("encode"):
-                log_ratio = self.planner.posterior.given_image(torch.from_numpy(image)[None])
-            with self._stage("search"):
-                candidates = _search(self.planner, log_ratio, self.rng)
-            with self._stage("reach"):
-                frames = camera.pose, workspace_to_world
-                selection = Selection(self.planner.robot, surface, *frames, self.config.selection)
-                grasps, reason = selection.select(candidates, top)
-            if samples:
-                with self._stage("samples"):
-                    drawn = sample_posterior(log_ratio, self.planner.prior, samples, self.rng, self.config.sampler)
-        self.timings["total"] = 1e3 * (time.perf_counter() - started)
-        return Plan(
-            grasps,
-            reason,
-            tuple(self.warnings),
-            unfamiliarity,
-            camera.pose,
-            workspace_to_world,
-            image,
-            surface,
-            drawn,
-            self.timings,
-        )
+        Raises:
+            DepthImageError: An image or a camera is not usable; the message has its number, from 0.
+        """
+        wanted, checked = _Wanted(top, samples), []
+        for number, (depth, intrinsics) in enumerate(images):
+            try:
+                checked.append(_checked(depth, intrinsics, None))
+            except DepthImageError as error:
+                raise DepthImageError(f"image {number}: {error}") from error
+        return tuple(self._answer(*image, wanted, generator_of(seed, Stream.PLAN)) for image in checked)
 
-    def _with_pose(self, depth: Float32[np.ndarray, "h w"], camera: Camera) -> Camera:
-        if camera.camera_to_world is not None:
-            return camera
-        self.warnings.append(
-            "camera_to_world was not given: the world frame is the one found in the image, with its origin on the "
-            "table below the object and x towards the camera's side; joint paths hold only if the arm stands in it as "
-            "in training"
-        )
-        return camera.with_pose(locate_workspace(depth, camera, self.rng, self.config.table))
+    def posterior(
+        self,
+        depth: np.ndarray,
+        intrinsics: Intrinsics,
+        camera_to_world: Float[np.ndarray, "4 4"] | None = None,
+        *,
+        seed: Seed = 0,
+    ) -> Posterior:
+        """p(h | S=1, i) of one image, which `plan` with the same seed plans from.
 
-    def _unfamiliarity(self, surface: Surface) -> float | None:
-        familiarity = self.planner.familiarity
-        if familiarity is None:
-            return None
-        score = familiarity.distance(surface) / familiarity.threshold
-        if score > 1:
-            self.warnings.append(
-                f"the image is unlike the training images (score {score:.1f}, above 1 is unfamiliar): "
-                f"{familiarity.strangest(surface)}"
+        Args:
+            depth: As for `plan`.
+            intrinsics: As for `plan`.
+            camera_to_world: As for `plan`.
+            seed: Of the draws from the prior behind its constant.
+
+        Raises:
+            DepthImageError: The image or the camera is not usable, or there is nothing to grasp.
+        """
+        rng, watch = generator_of(seed, Stream.PLAN), Stopwatch()
+        observed = self.observer.observe(*_checked(depth, intrinsics, camera_to_world), rng, watch)
+        if observed.problem is not None:
+            raise DepthImageError(f"there is no posterior of grasps for this image: {observed.problem}")
+        return self._infer(observed, rng, watch)[0]
+
+    def _answer(
+        self, depth: Float32[np.ndarray, "h w"], camera: Camera, wanted: _Wanted, rng: np.random.Generator
+    ) -> Plan:
+        watch = Stopwatch()
+        observed = self.observer.observe(depth, camera, rng, watch)
+        if observed.problem is not None:
+            return Plan((), observed.problem, observed, None, None, watch.stop())
+        posterior, drawn = self._infer(observed, rng, watch)
+        with watch.stage("search"):
+            candidates = search(posterior, drawn, self.config.search)
+        with watch.stage("reach"):
+            grasps, reason = Selection(self.robot, observed, self.config.selection).select(candidates, wanted.top)
+        samples = None
+        if wanted.samples:
+            with watch.stage("samples"):
+                samples = posterior.sample(wanted.samples, rng)
+        return Plan(grasps, reason, observed, posterior, samples, watch.stop())
+
+    def _infer(self, observed: Observed, rng: np.random.Generator, watch: Stopwatch) -> tuple[Posterior, Weighted]:
+        """The posterior of an image, and the draws from the prior behind its constant."""
+        device = self.likelihood.device
+        with watch.stage("encode"):
+            log_ratio = self.likelihood.given_image(torch.from_numpy(observed.image)[None].to(device))
+        with watch.stage("search"):
+            drawn = weigh(log_ratio, self.prior, self.config.search.num_draws, rng, device)
+            posterior = Posterior(
+                log_ratio,
+                self.prior,
+                estimate_evidence(drawn.log_ratio),
+                self.likelihood.success_probability,
+                observed.workspace_to_world,
+                device,
+                self.config.sampler,
             )
-        return score
-
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self.timings[name] = 1e3 * (time.perf_counter() - started)
+        return posterior, drawn
 
 
-def _search(planner: Planner, log_ratio: LogDensity, rng: np.random.Generator) -> Candidates:
-    """Ends of the ascents, and the best draws from the prior."""
-    config, prior = planner.config, planner.prior
-    draws = prior.sample(config.num_draws, rng)
-    with torch.no_grad():
-        ratio, log_prior = log_ratio(draws), prior.log_prob(draws)
-    per_type = config.ascent.starts_per_type
-    starts = [starting_points(draws, -(ratio + weight * log_prior), per_type) for weight in TEMPERS]
-    weight = torch.cat([torch.full(hands.shape, weight) for weight, hands in zip(TEMPERS, starts, strict=True)])
-    ends = ascend(tempered_potential(log_ratio, prior, weight), Hands.cat(starts), config.ascent).hands
-    log_evidence = torch.logsumexp(ratio, 0) - math.log(config.num_draws)
-    hands = Hands.cat([ends, draws[(-(ratio + log_prior)).argsort()[: config.fallbacks]]])
-    with torch.no_grad():
-        ratio, log_prior = log_ratio(hands), prior.log_prob(hands)
-    return Candidates(hands, ratio + log_prior - log_evidence, planner.posterior.success_probability(ratio))
+@dataclass(frozen=True)
+class _Wanted:
+    """What is asked of a plan."""
+
+    top: int
+    samples: int
+
+    def __post_init__(self) -> None:
+        if self.top < 1 or self.samples < 0:
+            raise InvalidConfigurationError(
+                f"top must be at least 1 and samples at least 0, got {self.top} and {self.samples}"
+            )
+
+
+def _checked(
+    depth: np.ndarray, intrinsics: Intrinsics, camera_to_world: Float[np.ndarray, "4 4"] | None
+) -> tuple[Float32[np.ndarray, "h w"], Camera]:
+    return check_depth(depth), to_camera(intrinsics, depth.shape, camera_to_world)

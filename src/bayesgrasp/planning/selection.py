@@ -18,8 +18,8 @@ from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.grasp_space import GraspSpace
-from bayesgrasp.observation.surface import Surface
-from bayesgrasp.planning.plan import Grasp, Motion, Pose
+from bayesgrasp.planning.observing import Observed, Pose
+from bayesgrasp.planning.plan import Grasp, Motion
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
@@ -108,23 +108,15 @@ class Selection:
 
     Args:
         robot: The hand and the arm.
-        surface: Measured points, in the workspace frame.
-        camera_to_world: Pose of the user's camera.
-        workspace_to_world: Frame of the candidates.
+        observed: Measured points, the user's camera, and the frame of the candidates.
         config: What makes a grasp executable and distinct.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        surface: Surface,
-        camera_to_world: Pose,
-        workspace_to_world: Pose,
-        config: SelectionConfig,
-    ) -> None:
+    def __init__(self, robot: Robot, observed: Observed, config: SelectionConfig) -> None:
         self.robot, self.config = robot, config
-        self.world_to_camera = np.linalg.inv(camera_to_world)
-        self.workspace_to_world = workspace_to_world
+        self.world_to_camera = np.linalg.inv(observed.camera_to_world)
+        self.workspace_to_world = observed.workspace_to_world
+        surface = observed.surface
         raised = surface.raised_points()
         self.raised = raised[:: 1 + len(raised) // MOST_POINTS]
         self.item = surface.item_points.astype(np.float64)[:: 1 + int(surface.item.sum()) // MOST_POINTS]

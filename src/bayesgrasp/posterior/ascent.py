@@ -148,6 +148,7 @@ def find_map(
     rng: np.random.Generator,
     num_draws: int = 1000,
     config: AscentConfig | None = None,
+    device: torch.device | str = "cpu",
 ) -> Ascents:
     """Algorithm 2: draw poses from the prior, ascend from the best of each type; `Ascents.best` is the MAP estimate.
 
@@ -157,9 +158,10 @@ def find_map(
         rng: Source of the draws.
         num_draws: Draws of (x, R); each is tried with every type.
         config: Steps, tolerances and scales; by default the paper's.
+        device: Where the potential takes hands.
     """
     config = config or AscentConfig()
-    candidates = with_every_type(prior.sample(num_draws, rng))
+    candidates = with_every_type(prior.sample(num_draws, rng).to(device))
     return ascend(potential, starting_points(candidates, potential.value(candidates), config.starts_per_type), config)
 
 

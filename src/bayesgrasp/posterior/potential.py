@@ -80,12 +80,10 @@ class Potential:
 
     def value(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Values f(h), without gradient; +inf outside the box."""
+        flat = _flatten(hands)
         with torch.no_grad():
-            flat = _flatten(hands)
-            chunks = [slice(i, i + self.chunk) for i in range(0, max(len(flat.grasp_type), 1), self.chunk)]
-            parts = [-self.of(chunk)._log_density(flat[chunk]) for chunk in chunks]
-            value = torch.cat(parts).reshape(hands.shape)
-            return torch.where(self.box.contains(hands.position), value, torch.inf)
+            parts = [-self.of(rows)._log_density(flat[rows]) for rows in _chunks(len(flat.grasp_type), self.chunk)]
+        return torch.where(self.box.contains(hands.position), torch.cat(parts).reshape(hands.shape), torch.inf)
 
     def value_and_grad(self, hands: Hands) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 6"]]:
         """Values and derivatives along the manifold.
@@ -116,6 +114,14 @@ def support(prior: Prior) -> Box:
     """The box of a prior's positions."""
     low, high = (tuple(float(v) for v in corner) for corner in (prior.low, prior.high))
     return Box(low, high)  # type: ignore[arg-type]
+
+
+def evaluate(density: LogDensity, hands: Hands, chunk: int = 8192) -> Float[Tensor, "*batch"]:
+    """Values of a log-density everywhere, without gradient, so many hands at once."""
+    flat = _flatten(hands)
+    with torch.no_grad():
+        parts = [density(flat[rows]) for rows in _chunks(len(flat.grasp_type), chunk)]
+    return torch.cat(parts).reshape(hands.shape)
 
 
 def posterior_potential(log_ratio: LogDensity, prior: Prior) -> Potential:
@@ -152,6 +158,11 @@ def value_and_euclidean_grad(
         torch.zeros_like(x) if g is None else g for g, x in zip(grads, (position, rotation), strict=True)
     )
     return value.detach(), by_position, by_rotation
+
+
+def _chunks(count: int, size: int) -> list[slice]:
+    """Slices of `size` rows that cover `count`; one, of no rows, where there are none."""
+    return [slice(start, start + size) for start in range(0, max(count, 1), size)]
 
 
 def _flatten(hands: Hands) -> Hands:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bayesgrasp.posterior.ascent import AscentConfig, ascend
+from bayesgrasp.posterior.importance import weigh
 from bayesgrasp.posterior.potential import LogDensity, Prior, posterior_potential
-from bayesgrasp.posterior.sampling import weigh
 from bayesgrasp.seeding import torch_child
 from bayesgrasp.types import Hands
 

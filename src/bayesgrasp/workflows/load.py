@@ -14,7 +14,8 @@ from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.familiarity import Familiarity
 from bayesgrasp.observation.surface import SurfaceReader
-from bayesgrasp.planning.planner import Planner, PlannerConfig, Posterior
+from bayesgrasp.planning.observing import Observer
+from bayesgrasp.planning.planner import Planner, PlannerConfig, TrainedLikelihood
 from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import load_model
@@ -41,13 +42,12 @@ def load_planner(model: Path | str | None = None, config: PlannerConfig | None =
     gripper = robotiq_3f()
     trained = load_model(DEFAULT_MODEL if model is None else Path(model), gripper=gripper.name)
     familiarity = trained.card.get("familiarity")
+    known = None if familiarity is None else Familiarity.from_dict(familiarity)
     return Planner(
-        Posterior(trained.given_image, success_probability(trained)),
+        TrainedLikelihood(trained.given_image, success_probability(trained)),
         trained_prior(trained.card),
-        CanonicalView().of,
-        SurfaceReader(network_camera()),
+        Observer(CanonicalView().of, SurfaceReader(network_camera()), known),
         Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
-        None if familiarity is None else Familiarity.from_dict(familiarity),
         config or PlannerConfig(),
     )
 
