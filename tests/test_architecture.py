@@ -216,7 +216,7 @@ def test_a_file_is_short(path: Path) -> None:
         ("bayesgrasp.errors", "from bayesgrasp.geometry import so3"),
         ("bayesgrasp.prior.grasp", "from bayesgrasp.lift import lift_test"),
         ("bayesgrasp.lift.lift_test", "from ..prior.grasp import GraspPrior"),
-        ("bayesgrasp.lift.bullet.engine", "from ...prior.grasp import GraspPrior"),
+        ("bayesgrasp.lift.bullet.bullet_engine", "from ...prior.grasp import GraspPrior"),
         ("bayesgrasp.lift.lift_test", "from bayesgrasp.depth.sensor import DepthSensor"),
         ("bayesgrasp.training.losses", "from bayesgrasp.generation.chunks import ChunkMaker"),
         ("bayesgrasp.ratio.model", "from bayesgrasp.known import analytic"),

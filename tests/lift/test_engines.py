@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.lift.bullet.engine import BulletConfig, BulletEngine
+from bayesgrasp.lift.attempt import Attempt
+from bayesgrasp.lift.bullet.bullet_engine import BulletConfig, BulletEngine
 from bayesgrasp.lift.bullet.item import MARGIN, eroded
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.robot.physics_scene import ObjectState, planar_pose
 from bayesgrasp.types import Attempts, GraspType, Outcome
 
 pytest.importorskip("pybullet", reason="the second engine is the optional extra bayesgrasp[pybullet]")
@@ -61,9 +63,9 @@ def top(objects: tuple[ObjectAsset, ...], index: int) -> float:
 
 def started(lift_test: LiftTest, attempt: Attempts) -> BulletEngine:
     """The engine with the world of an attempt, at home above it, before any step."""
-    rig = lift_test._bench(int(attempt.object_index[0])).rig
-    pose = np.array([0.05, -0.02, 0.0, np.cos(0.3), 0.0, 0.0, np.sin(0.3)])
-    rig.prepare(GraspType.WIDE, pose, (float(attempt.scale[0]), 1.3, 0.7, 0.003))
+    rig = lift_test.benches[int(attempt.object_index[0])].rig
+    item = ObjectState(planar_pose(0.05, -0.02, 0.6), float(attempt.scale[0]), 1.3, 0.7, 0.003)
+    rig.prepare(Attempt(GraspType.WIDE, np.eye(4), item))
     rig.set_arm(np.array(lift_test.arm.home) + 0.2)
     mujoco.mj_kinematics(rig.model, rig.data)
     rig.engine.start()
@@ -174,7 +176,7 @@ def test_screened_attempts_need_no_physics_and_agree(tests: dict[str, LiftTest])
 
 def test_divergence_is_an_outcome(objects: tuple[ObjectAsset, ...]) -> None:
     lift_test = LiftTest(objects, LiftTestConfig(engine="pybullet"))
-    lift_test._bench(1).rig.model.opt.gravity[:] = (0.0, 0.0, 1e9)
+    lift_test.benches[1].rig.model.opt.gravity[:] = (0.0, 0.0, 1e9)
     assert lift_test.run(grasp(z=top(objects, 1)))[0] == Outcome.DIVERGED
 
 
@@ -185,7 +187,7 @@ def test_nothing_is_printed_and_no_connection_is_left() -> None:
         "from bayesgrasp.lift.lift_config import LiftTestConfig\n"
         "from bayesgrasp.lift.lift_test import LiftTest\n"
         "test = LiftTest(load_objects(['household_tea_box']), LiftTestConfig(engine='pybullet'))\n"
-        "test._bench(0)\n"
+        "test.benches[0]\n"
         "import pybullet\n"
         "assert pybullet.isConnected(0)\n"
         "del test\n"

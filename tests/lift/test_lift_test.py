@@ -122,7 +122,7 @@ def test_divergence_is_an_outcome(objects: tuple[ObjectAsset, ...]) -> None:
     lift_test = LiftTest(objects)
     grasp = attempt((0.0, 0.0, max(0.19, height(objects[0]) + 0.07)))
     assert lift_test.run(grasp)[0] == Outcome.SUCCESS
-    rig = lift_test._bench(0).rig
+    rig = lift_test.benches[0].rig
     rig.model.opt.gravity[:] = (0.0, 0.0, np.inf)
     assert lift_test.run(grasp)[0] == Outcome.DIVERGED
 

@@ -5,19 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bayesgrasp.lift.screening import (
-    CLEARANCE,
-    MARGIN,
-    Halfspaces,
-    HandAlone,
-    HandKinematics,
-    below_table,
-    out_of_reach,
-    shape_points,
-)
+from bayesgrasp.lift.attempt import Attempt
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, MARGIN, Halfspaces, HandKinematics, shape_points
+from bayesgrasp.lift.screening import HandAlone, below_table, certainly_apart
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.robot.motion import hand_pose
-from bayesgrasp.robot.physics_scene import planar_pose
+from bayesgrasp.robot.physics_scene import ObjectState, planar_pose
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import GraspType
@@ -28,6 +21,12 @@ DOWN = np.array([1.0, 0.0, 1.0, 0.0])
 @pytest.fixture(scope="module")
 def kinematics() -> HandKinematics:
     return HandKinematics(robotiq_3f())
+
+
+def at(x: float, y: float, z: float) -> Attempt:
+    """A hand that points down, and an object in the middle of the table."""
+    item = ObjectState(planar_pose(0.0, 0.0, 0.0), 1.0, 1.0, 0.8, 0.004)
+    return Attempt(GraspType.BASIC, hand_pose(np.array([x, y, z]), DOWN), item)
 
 
 def test_shape_points_cover_their_shape() -> None:
@@ -50,8 +49,10 @@ def test_below_table_is_the_lowest_point(kinematics: HandKinematics) -> None:
 
 
 @pytest.mark.parametrize("grasp_type", list(GraspType))
-def test_the_reach_contains_the_hand_at_every_moment(kinematics: HandKinematics, grasp_type: GraspType) -> None:
-    regions = kinematics.reach(grasp_type, 0.1)
+def test_what_can_be_touched_contains_the_hand_at_every_moment(
+    kinematics: HandKinematics, grasp_type: GraspType
+) -> None:
+    regions = kinematics.touchable_regions(grasp_type, 0.1)
     for angles in kinematics.free_closing(grasp_type, 0.01):
         for shapes in kinematics.link_points(angles).values():
             for points, radius in shapes:
@@ -61,11 +62,11 @@ def test_the_reach_contains_the_hand_at_every_moment(kinematics: HandKinematics,
                     assert any(inside.all() for inside in covered)
 
 
-def test_out_of_reach_needs_a_separating_face() -> None:
+def test_certainly_apart_needs_a_separating_face() -> None:
     cube = Halfspaces(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.1))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.05
     far, near, inside = corners + np.array([0.2, 0, 0]), corners + np.array([0.149, 0, 0]), corners
-    np.testing.assert_array_equal(out_of_reach(np.stack([far, near, inside]), [cube]), [True, False, False])
+    np.testing.assert_array_equal(certainly_apart(np.stack([far, near, inside]), [cube]), [True, False, False])
 
 
 def test_samples_of_the_closing_motion_are_close_enough(kinematics: HandKinematics) -> None:
@@ -79,16 +80,12 @@ def test_clearance_of_a_hand_above_a_ball(kinematics: HandKinematics) -> None:
     (ball,) = load_objects(["household_ball"])
     closing = {g: kinematics.free_closing(g, 0.01) for g in GraspType}
     hand = HandAlone(robotiq_3f(), ball, closing)
-    hand.object.set(1.0, 1.0, 0.8, 0.004)
-    hand.place(GraspType.BASIC, planar_pose(0.0, 0.0, 0.0))
-    low = hand_pose(np.array([0.0, 0.0, 0.12]), DOWN)
+    low, free, around = (at(x, y, z) for x, y, z in ((0.0, 0.0, 0.12), (0.3, 0.3, 0.30), (0.0, 0.0, 0.19)))
     assert hand.approach_clearance(low, 0.1) < 0.0, "fingers of 17 cm reach below the table there"
-    free = hand_pose(np.array([0.3, 0.3, 0.30]), DOWN)
     assert hand.approach_clearance(free, 0.1) == np.inf
-    assert hand.closing_clearance(free, GraspType.BASIC) == np.inf
-    around = hand_pose(np.array([0.0, 0.0, 0.19]), DOWN)
+    assert hand.closing_clearance(free) == np.inf
     assert hand.approach_clearance(around, 0.1) >= 0.0
-    assert hand.closing_clearance(around, GraspType.BASIC) < CLEARANCE
+    assert hand.closing_clearance(around) < CLEARANCE
 
 
 def test_free_closing_is_the_same_every_time(kinematics: HandKinematics) -> None:
@@ -102,12 +99,11 @@ def test_an_overlap_with_the_object_is_seen(kinematics: HandKinematics) -> None:
     hand = HandAlone(robotiq_3f(), ball, closing)
     rng = generator(3, 0)
     points, radii = kinematics.open_points(GraspType.BASIC)
-    hand.object.set(1.0, 1.0, 0.8, 0.004)
-    hand.place(GraspType.BASIC, planar_pose(0.0, 0.0, 0.0))
     vertices = ball.vertices
     for x, y in rng.uniform(-0.15, 0.15, (60, 2)):
-        pose = hand_pose(np.array([x, y, 0.2]), DOWN)
+        attempt = at(x, y, 0.2)
+        pose = attempt.hand_to_world
         world = points @ pose[:3, :3].T + pose[:3, 3]
         gaps = np.linalg.norm(world[:, None] - vertices[None], axis=-1).min(axis=1) - radii
         if gaps.min() < -2e-3:  # a vertex of the ball deep inside one of the hand's balls
-            assert hand.approach_clearance(pose, 0.1) < 0.0
+            assert hand.approach_clearance(attempt, 0.1) < 0.0

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.engine import DivergedError
 from bayesgrasp.lift.hold import HoldConfig, holds
 from bayesgrasp.lift.rig import Rig
@@ -82,26 +83,32 @@ class Verdict:
     held: bool = False
 
 
-def execute(
-    rig: Rig,
-    grasp_type: GraspType,
-    motion: Motion,
-    config: LiftConfig,
-    hold: HoldConfig | None = None,
-    observe: Observer | None = None,
-) -> Verdict:
-    """Run a prepared attempt to its end.
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of physics beside the outcome.
 
-    Args:
-        rig: Prepared.
-        grasp_type: As prepared.
-        motion: Of the arm; the transit is not simulated.
-        config: Timing and criterion.
+    Attributes:
         hold: The harder criterion, if it is to be tried after a success.
         observe: Called after every control period.
     """
-    run = _Run(rig, grasp_type, motion, config, observe)
-    outcome = Outcome.DIVERGED
+
+    hold: HoldConfig | None = None
+    observe: Observer | None = None
+
+
+def execute(rig: Rig, attempt: Attempt, motion: Motion, config: LiftConfig, asked: Asked = Asked()) -> Verdict:
+    """Run an attempt from the pre-grasp to its end.
+
+    Args:
+        rig: Of the attempt's object; whatever was before does not matter.
+        attempt: Hand and object.
+        motion: Of the arm; the transit is not simulated.
+        config: Timing and criterion.
+        asked: What else is wanted.
+    """
+    rig.prepare(attempt)
+    run = _Run(rig, attempt.grasp_type, motion, config, asked.observe)
+    outcome, hold = Outcome.DIVERGED, asked.hold
     try:
         outcome = run.outcome()
         held = hold is not None and outcome == Outcome.SUCCESS and holds(rig, hold, run.tick, config.control_period)

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, get_args
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.lift.bullet.engine import BulletConfig
+from bayesgrasp.lift.bullet.bullet_engine import BulletConfig
 from bayesgrasp.lift.execution import LiftConfig
 from bayesgrasp.lift.hold import HoldConfig
 from bayesgrasp.robot.motion import MotionConfig

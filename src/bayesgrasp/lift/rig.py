@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
+from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.engine import DivergedError, Engine
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.robot.arm import ArmDescription
@@ -15,14 +16,13 @@ from bayesgrasp.robot.arm_model import ArmHandle, add_arm
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
 from bayesgrasp.robot.physics_scene import ObjectHandle, PhysicsConfig, add_object, new_spec
-from bayesgrasp.types import GraspType
 
 MakeEngine = Callable[[mujoco.MjModel, mujoco.MjData, GripperHandle, ObjectHandle], Engine]
 """Puts an engine behind a model and its data."""
 
 
 class Rig:
-    """Arm, hand, table and one object, prepared and moved attempt by attempt.
+    """Arm, hand, table and one object, made ready and moved attempt by attempt.
 
     Args:
         arm: The arm.
@@ -55,17 +55,11 @@ class Rig:
         """Whether arm or hand overlaps anything at arm angles (radians); the hand and the object stay as they are."""
         return self.arm.collides(self.data, arm_angles)
 
-    def prepare(
-        self,
-        grasp_type: GraspType,
-        object_pose: Float64[np.ndarray, "7"],
-        properties: tuple[float, float, float, float],
-    ) -> None:
-        """Reset the world: hand open, object at a pose, with (scale, mass factor, lateral, spinning friction)."""
+    def prepare(self, attempt: Attempt) -> None:
+        """Reset the world: hand open, object in its place; the arm is nowhere yet."""
         mujoco.mj_resetData(self.model, self.data)
-        self.object.set(*properties)
-        self.data.qpos[self.object.qpos] = object_pose
-        self.hand.open(self.data, grasp_type)
+        self.object.put(self.data, attempt.item)
+        self.hand.open(self.data, attempt.grasp_type)
 
     def set_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
         """Put the arm at joint angles (radians), at rest, and command it to stay."""

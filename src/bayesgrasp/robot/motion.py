@@ -77,6 +77,12 @@ def hand_pose(position: Float64[np.ndarray, "3"], quaternion: Float64[np.ndarray
     return pose
 
 
+def hand_poses(attempts: Attempts) -> Float64[np.ndarray, "n 4 4"]:
+    """hand_to_world of each attempt, metres."""
+    hands = zip(attempts.position.astype(np.float64), attempts.quaternion.astype(np.float64), strict=True)
+    return np.array([hand_pose(position, quaternion) for position, quaternion in hands]).reshape(-1, 4, 4)
+
+
 def approach_pose(hand_to_world: Pose, distance: float) -> Pose:
     """The hand ``distance`` metres behind a pose along its approach axis."""
     moved = hand_to_world.copy()
@@ -110,8 +116,7 @@ def reachable_branches(arm: ArmDescription, hand_to_world: Pose, config: MotionC
 
 def reached(arm: ArmDescription, config: MotionConfig, attempts: Attempts) -> Bool[np.ndarray, "n"]:
     """Whether the arm reaches pre-grasp, h and lifted hand of each attempt on one branch, whatever is in its way."""
-    hands = zip(attempts.position.astype(np.float64), attempts.quaternion.astype(np.float64), strict=True)
-    return np.array([bool(reachable_branches(arm, hand_pose(x, q), config)) for x, q in hands], dtype=bool)
+    return np.array([bool(reachable_branches(arm, pose, config)) for pose in hand_poses(attempts)], dtype=bool)
 
 
 def _nearest(candidates: Path, references: Path, reach: float) -> list[int]:

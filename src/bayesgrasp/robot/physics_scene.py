@@ -92,6 +92,25 @@ def _upper_triangle(inertia: Float64[np.ndarray, "3 3"]) -> list[float]:
     return [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
 
 
+@dataclass(frozen=True)
+class ObjectState:
+    """How an object stands on the table in one attempt.
+
+    Attributes:
+        pose: Position (metres) and quaternion (w, x, y, z) of its frame in the world.
+        scale: beta (-).
+        mass_factor: Mass relative to catalogue mass * scale^3 (-).
+        lateral_friction: Of all its contacts (-).
+        spinning_friction: Likewise, metres.
+    """
+
+    pose: Float64[np.ndarray, "7"]
+    scale: float
+    mass_factor: float
+    lateral_friction: float
+    spinning_friction: float
+
+
 class ObjectHandle:
     """The object inside a compiled model: its addresses, and the arrays at scale 1 from which others follow."""
 
@@ -123,6 +142,11 @@ class ObjectHandle:
         base["invweight"] = m.body_invweight0[self.body].copy()
         base["dof_invweight"] = m.dof_invweight0[self.qvel].copy()
         return base
+
+    def put(self, data: mujoco.MjData, state: ObjectState) -> None:
+        """Let the object be and stand as a state says."""
+        self.set(state.scale, state.mass_factor, state.lateral_friction, state.spinning_friction)
+        data.qpos[self.qpos] = state.pose
 
     def set(self, scale: float, mass_factor: float, lateral_friction: float, spinning_friction: float) -> None:
         """Give the object a scale (-), a mass relative to catalogue mass * scale^3 (-), and frictions (-, metres)."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from bayesgrasp.lift.screening import HandKinematics
+from bayesgrasp.lift.hand_kinematics import HandKinematics
 from bayesgrasp.meshes.convex import ConvexPart
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.types import GraspType
