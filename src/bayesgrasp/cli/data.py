@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from bayesgrasp.data.effective import Effective
-    from bayesgrasp.data.loader import GraspDataset
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from bayesgrasp.data.effective import Effective, effective_successes
+from bayesgrasp.data.loader import GraspDataset
+from bayesgrasp.data.manifest import TABLES
+from bayesgrasp.data.sheet import draw_sheet
+from bayesgrasp.files import check_target
+from bayesgrasp.generation.run import totals
+from bayesgrasp.types import Outcome
 
 
 def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, seed: int = 0) -> None:
@@ -22,9 +30,6 @@ def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, se
         verify: Also compare every file with its checksum.
         seed: Which images are drawn.
     """
-    from bayesgrasp.data.loader import GraspDataset
-    from bayesgrasp.generation.run import totals
-
     dataset = GraspDataset(directory)
     _print_manifest(dataset)
     if verify:
@@ -52,11 +57,6 @@ def _print_manifest(dataset: GraspDataset) -> None:
 
 
 def _print_outcomes(dataset: GraspDataset, per_object: dict[str, list[int]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from bayesgrasp.types import Outcome
-
     names = [outcome.name.lower().replace("_", " ") for outcome in Outcome]
     table = Table("object", "attempts", *names, "share", "under the prior")
     prior = _prior_rates(dataset)
@@ -73,10 +73,6 @@ def _print_outcomes(dataset: GraspDataset, per_object: dict[str, list[int]]) -> 
 
 def _prior_rates(dataset: GraspDataset) -> dict[int, float]:
     """Success of each object under the prior: the weighted share of its successes, chunk by chunk."""
-    import numpy as np
-
-    from bayesgrasp.types import Outcome
-
     objects = len(dataset.object_ids)
     tried, held = np.zeros(objects), np.zeros(objects)
     for chunk in dataset.entries:
@@ -88,11 +84,6 @@ def _prior_rates(dataset: GraspDataset) -> dict[int, float]:
 
 
 def _print_effective(dataset: GraspDataset) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from bayesgrasp.data.effective import effective_successes
-
     columns = ("successful hands", "worth by weight", "by selection", "of attempts", "worth by weight", "by selection")
     table = Table("object", *columns)
     for index, name in enumerate(dataset.object_ids):
@@ -103,14 +94,10 @@ def _print_effective(dataset: GraspDataset) -> None:
 
 
 def _numbers(effective: Effective) -> list[str]:
-    from dataclasses import astuple
-
     return [f"{value:.0f}" for value in astuple(effective)]
 
 
 def _print_disk(directory: Path, attempts: int, scenes: int) -> None:
-    from bayesgrasp.data.manifest import TABLES
-
     sizes = {name: _size(directory / name) for name in (*TABLES, "cache")}
     print("disk: " + ", ".join(f"{name} {size / 2**20:.1f} MiB" for name, size in sizes.items()))
     per_scene = f", {sizes['scenes'] / scenes:.0f} bytes an image with its hands" if scenes else ""
@@ -122,10 +109,6 @@ def _size(directory: Path) -> int:
 
 
 def _draw(dataset: GraspDataset, path: Path, seed: int) -> None:
-    from bayesgrasp.data.sheet import draw_sheet
-    from bayesgrasp.errors import InvalidConfigurationError
-
-    if not path.parent.is_dir():
-        raise InvalidConfigurationError(f"cannot write {path}: there is no directory {path.parent}")
+    check_target(path)
     draw_sheet(dataset, seed=seed).save(path)
     print(f"wrote {path}: images with up to four successful hands (red basic, green wide, blue pinch)")

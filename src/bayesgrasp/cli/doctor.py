@@ -7,9 +7,13 @@ import platform
 import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from json import dumps
 from pathlib import Path
 from typing import Any
+
+from bayesgrasp.errors import AssetError
+from bayesgrasp.files import write_json
+from bayesgrasp.meshes.cache_directory import cache_directory
+from bayesgrasp.objects import ycb
 
 FOR_DEVELOPERS = frozenset({"dev", "docs", "bench"})
 """Extras that no command needs."""
@@ -55,7 +59,7 @@ def doctor(json: Path | None = None) -> None:
     report = examine()
     print("\n".join(_lines(report)))
     if json is not None:
-        json.write_text(dumps(asdict(report), indent=2) + "\n")
+        write_json(json, asdict(report), indent=2)
 
 
 def examine() -> Report:
@@ -99,14 +103,12 @@ def _version(name: str) -> str | None:
 def _gpu(torch_version: str | None) -> str | None:
     if torch_version is None:
         return None
-    import torch
+    import torch  # there, as its version was found
 
     return torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
 
 
 def _cache() -> dict[str, Any]:
-    from bayesgrasp.meshes.cache_directory import cache_directory
-
     path = cache_directory()
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) if path.is_dir() else 0
     return {"path": str(path), "writable": _can_write(path), "size": size}
@@ -121,9 +123,6 @@ def _can_write(path: Path) -> bool:
 
 def _ycb() -> tuple[dict[str, Any] | None, str | None]:
     """The directory of scans with the number of objects in it, or advice."""
-    from bayesgrasp.errors import AssetError
-    from bayesgrasp.objects import ycb
-
     try:
         path = ycb.directory()
     except AssetError as error:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from functools import partial
-from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import tyro
+from PIL import Image
 
-if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
-    from bayesgrasp.objects.fetch import FetchConfig
-    from bayesgrasp.objects.listing import Summary
-    from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.cli.progress import downloading
+from bayesgrasp.errors import AssetError
+from bayesgrasp.files import write_json
+from bayesgrasp.meshes.convex import PRESETS
+from bayesgrasp.meshes.deviation import deviation
+from bayesgrasp.meshes.mesh import Mesh
+from bayesgrasp.objects import ycb
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.fetch import FetchConfig
+from bayesgrasp.objects.fetch import fetch as fetch_one
+from bayesgrasp.objects.listing import Summary, summarise
+from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.viewer.object_picture import object_picture
 
 Split = Literal["train", "train-ycb", "unseen", "household", "stand-ins", "other", "all"]
 
@@ -29,12 +35,10 @@ def list_objects(split: Split = "all", ycb_dir: Path | None = None, json: Path |
         ycb_dir: Directory of YCB scans, <id>/google_16k/nontextured.ply; by default $BAYESGRASP_YCB_DIR.
         json: Also write the list to this file.
     """
-    from bayesgrasp.objects.listing import summarise
-
     summaries = summarise(split, ycb_dir)
     print("\n".join(_table(summaries)))
     if json is not None:
-        json.write_text(dumps([asdict(summary) for summary in summaries], indent=1) + "\n")
+        write_json(json, [asdict(summary) for summary in summaries])
 
 
 def show(
@@ -55,10 +59,6 @@ def show(
         convex: How the mesh is cut into convex parts: by CoACD (default) or by V-HACD (paper).
         out: The picture, .png; by default <id>.png here.
     """
-    from PIL import Image
-
-    from bayesgrasp.viewer.object_picture import object_picture
-
     asset = _one(id, ycb_dir, mesh, mass, convex)
     target = out or Path(f"{asset.id}.png")
     print("\n".join(_description(asset)))
@@ -82,10 +82,6 @@ def fetch(
         split: The 19 YCB objects for training, the 5 unseen ones, or both.
         base_url: Another address than the official one, above google/<id>_google_16k.tgz.
     """
-    from bayesgrasp.errors import AssetError
-    from bayesgrasp.objects import ycb
-    from bayesgrasp.objects.fetch import FetchConfig
-
     chosen = ids or {"train": ycb.TRAIN, "unseen": ycb.UNSEEN, "both": ycb.TRAIN + ycb.UNSEEN}[split]
     config = FetchConfig() if base_url is None else FetchConfig(base_url=base_url)
     failed = _fetch_each(chosen, ycb_dir, config)
@@ -96,33 +92,17 @@ def fetch(
 
 def _fetch_each(ids: tuple[str, ...], root: Path, config: FetchConfig) -> list[str]:
     """Fetch one after the other behind a progress bar; returns what went wrong, one line each."""
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-
-    from bayesgrasp.errors import AssetError
-    from bayesgrasp.objects.fetch import fetch as fetch_one
-
     failed = []
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, transient=True) as progress:
+    with downloading() as begin:
         for object_id in ids:
-            task = progress.add_task(object_id, total=None)
             try:
-                fetch_one(object_id, root, config, partial(_report, progress, task))
+                fetch_one(object_id, root, config, begin(object_id))
             except AssetError as error:
                 failed.append(str(error))
-            progress.remove_task(task)
     return failed
 
 
-def _report(progress: Progress, task: TaskID, done: int, total: int | None) -> None:
-    progress.update(task, completed=done, total=total)
-
-
 def _one(id: str | None, ycb_dir: Path | None, mesh: Path | None, mass: float | None, convex: str) -> ObjectAsset:
-    from bayesgrasp.errors import AssetError
-    from bayesgrasp.meshes.convex import PRESETS
-    from bayesgrasp.objects.catalogue import load_objects
-
     if (id is None) == (mesh is None):
         raise AssetError(
             "name either one object, or a file: `objects show ID`, or `objects show --mesh FILE --mass KG`"
@@ -144,9 +124,6 @@ def _table(summaries: list[Summary]) -> list[str]:
 
 
 def _description(asset: ObjectAsset) -> list[str]:
-    from bayesgrasp.meshes.deviation import deviation
-    from bayesgrasp.meshes.mesh import Mesh
-
     found = deviation(Mesh(asset.vertices, asset.faces), asset.parts)
     usual, most, gap = (f"{1000 * length:.1f} mm" for length in (found.excess_99, found.excess_max, found.gap_max))
     extents = " x ".join(f"{1000 * length:.1f}" for length in asset.extents)

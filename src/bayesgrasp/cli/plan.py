@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from bayesgrasp.planning.plan import Plan
+from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.files import check_target, write_json
+from bayesgrasp.geometry.camera import Camera
+from bayesgrasp.observation.depth_files import read_depth
+from bayesgrasp.planning.figure import save_plan_figure
+from bayesgrasp.planning.plan import Plan
+from bayesgrasp.workflows.load import load_planner
+
+FIGURE_SAMPLES = 2000
+"""Draws behind the marginals of a figure."""
 
 
 def plan(
@@ -34,10 +40,6 @@ def plan(
         json: Write the plan to this file.
         figure: Draw the plan into this file (.png, .pdf or .svg).
     """
-    from bayesgrasp.geometry.camera import Camera
-    from bayesgrasp.observation.depth_files import read_depth
-    from bayesgrasp.workflows.load import load_planner
-
     _check_outputs(json, figure)
     view = Camera.load(camera)
     image = read_depth(depth)
@@ -45,15 +47,9 @@ def plan(
     answer = planner.plan(image, view, top=top, samples=samples or (FIGURE_SAMPLES if figure else 0), seed=seed)
     print(describe(answer))
     if json is not None:
-        json.write_text(json_module.dumps(answer.to_dict(), indent=1) + "\n", encoding="utf-8")
+        write_json(json, answer.to_dict())
     if figure is not None:
-        from bayesgrasp.planning.figure import save_plan_figure
-
         save_plan_figure(figure, answer, image, view, planner.robot.hand)
-
-
-FIGURE_SAMPLES = 2000
-"""Draws behind the marginals of a figure."""
 
 
 def describe(plan: Plan) -> str:
@@ -72,12 +68,9 @@ def describe(plan: Plan) -> str:
 
 
 def _check_outputs(json: Path | None, figure: Path | None) -> None:
-    from bayesgrasp.errors import InvalidConfigurationError
-
+    """Refuse before the work, not after it."""
     for path in (json, figure):
-        if path is not None and not path.resolve().parent.is_dir():
-            raise InvalidConfigurationError(
-                f"cannot write {path}: the directory {path.resolve().parent} does not exist"
-            )
+        if path is not None:
+            check_target(path)
     if figure is not None and figure.suffix not in (".png", ".pdf", ".svg"):
         raise InvalidConfigurationError(f"a figure ends in .png, .pdf or .svg, got {figure}")

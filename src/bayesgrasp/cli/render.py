@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from jaxtyping import Float32
-    from matplotlib.figure import Figure
-    from numpy import ndarray
+import numpy as np
+from jaxtyping import Float32
+from matplotlib.figure import Figure
+from numpy import ndarray
 
-    from bayesgrasp.geometry.camera import Camera
-    from bayesgrasp.types import CameraNuisances, Scenes
+from bayesgrasp.depth.sensor import DepthSensor
+from bayesgrasp.errors import AssetError, InvalidConfigurationError
+from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.geometry.camera_nuisances import disturbed_camera
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.observation.depth_files import write_depth_png
+from bayesgrasp.prior.nuisance import CameraPrior
+from bayesgrasp.seeding import Stream, generator
+from bayesgrasp.types import CameraNuisances, Scenes
 
 FARTHEST_PLACE = 0.5
 """An object further than this from the middle of the table, along x or y, is out of the canonical camera's view (m)."""
@@ -48,13 +54,6 @@ def render(
         mesh: A mesh file of your own instead, in metres with z upwards.
         mass: Its mass in kilograms.
     """
-    from bayesgrasp.depth.sensor import DepthSensor
-    from bayesgrasp.errors import AssetError
-    from bayesgrasp.geometry.camera import Camera, canonical_camera
-    from bayesgrasp.geometry.camera_nuisances import disturbed_camera
-    from bayesgrasp.objects.catalogue import load_objects
-    from bayesgrasp.seeding import Stream, generator
-
     scene = _scene(pose, scale)
     if (object is None) == (mesh is None):
         raise AssetError("name either one object, or a file: `--object ID`, or `--mesh FILE --mass KG`")
@@ -70,11 +69,6 @@ def render(
 
 
 def _scene(pose: tuple[float, float, float], scale: float) -> Scenes:
-    import numpy as np
-
-    from bayesgrasp.errors import InvalidConfigurationError
-    from bayesgrasp.types import Scenes
-
     if not all(np.isfinite(pose)) or max(abs(pose[0]), abs(pose[1])) > FARTHEST_PLACE:
         raise InvalidConfigurationError(
             f"--pose is x y yaw in metres and radians, with x and y between {-FARTHEST_PLACE} and {FARTHEST_PLACE}; "
@@ -86,9 +80,6 @@ def _scene(pose: tuple[float, float, float], scale: float) -> Scenes:
 
 
 def _drawn(nominal: Camera, seed: int) -> CameraNuisances:
-    from bayesgrasp.prior.nuisance import CameraPrior
-    from bayesgrasp.seeding import Stream, generator
-
     x, y, z = nominal.pose[:3, 3].tolist()
     return CameraPrior(position=(x, y, z)).sample(1, generator(seed, Stream.RENDERED_CAMERA))
 
@@ -96,9 +87,6 @@ def _drawn(nominal: Camera, seed: int) -> CameraNuisances:
 def _write(
     out: Path, clean: Float32[ndarray, "h w"], noisy: Float32[ndarray, "h w"], camera: Camera, title: str
 ) -> None:
-    import numpy as np
-
-    from bayesgrasp.observation.depth_files import write_depth_png
 
     out.mkdir(parents=True, exist_ok=True)
     for name, image in (("depth", noisy), ("clean", np.where(clean < FARTHEST_DEPTH, clean, np.float32(0)))):
@@ -109,9 +97,6 @@ def _write(
 
 
 def _picture(clean: Float32[ndarray, "h w"], noisy: Float32[ndarray, "h w"], title: str) -> Figure:
-    import numpy as np
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(13, 5), layout="constrained")
     seen = noisy[noisy > 0]
     limits = {"vmin": seen.min(), "vmax": np.percentile(seen, 99)} if seen.size else {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import lift_testing
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.trial_counts import count_trials
-from bayesgrasp.files import check_target
+from bayesgrasp.files import check_target, write_json
 from bayesgrasp.generation.trials import Priors, Simulation, Trials
 from bayesgrasp.lift.bullet.client import require
 from bayesgrasp.lift.lift_config import LiftTestConfig
@@ -68,7 +67,7 @@ def simulate(
     _print_table(summary)
     if json is not None:
         origin = {"seed": seed, "split": objects.split, "rotation": rotation, "engine": engine, "criterion": criterion}
-        json.write_text(json_module.dumps(summary | origin, indent=2))
+        write_json(json, summary | origin, indent=2)
     if video is not None:
         _film(trials, assets, config, video)
 
