@@ -16,7 +16,7 @@ from bayesgrasp.ratio.evidence import View, canonical_view, sample
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig, HandFeatures
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig
-from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.ratio.model import GraspModel, SuccessGivenObject
 from bayesgrasp.types import Hands
 
 MakeBatch = Callable[..., Batch]
@@ -122,8 +122,8 @@ def test_gradient_along_geodesics(
 
 
 def _double_full(model: GraspModel) -> LogRatio:
-    known = model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8)
-    return type(known)(known.estimator, known.index, known.scale.double(), known.pose.double(), known.friction)
+    scale, pose = torch.tensor([1.05]).double(), torch.tensor([[0.02, -0.01, 2.0]]).double()
+    return SuccessGivenObject(model.estimators["full"], torch.tensor([1]), scale, pose, 0.8).log_ratio
 
 
 def test_the_hand_enters_as_thirteen_numbers_scaled_to_the_prior() -> None:

@@ -34,7 +34,7 @@ from bayesgrasp.types import Hands
 class LogDensity(Protocol):
     """A log-density or log-ratio over hands, up to a constant; differentiable in position and rotation."""
 
-    def __call__(self, hands: Hands) -> Tensor:
+    def __call__(self, hands: Hands, /) -> Tensor:
         """Values, of the hands' batch shape."""
         ...
 

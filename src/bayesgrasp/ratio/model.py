@@ -6,12 +6,12 @@
     success_ratio   log r(S=1 | h), no image
     full            log p(S=1 | O, p_O, beta, mu, h)        = log r(S=1, O, p_O, beta, mu | h) + a constant in h
 
-Each is a callable on hands of any batch shape, differentiable in position and rotation.
+Each is a function of hands of any batch shape, differentiable in position and rotation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -27,6 +27,8 @@ from bayesgrasp.types import Hands
 Role = Literal["success_ratio", "image", "joint", "success", "full"]
 """What an estimator is for."""
 ROLES: tuple[Role, ...] = get_args(Role)
+LogRatio = Callable[[Hands], Tensor]
+"""From hands to values of the same batch shape."""
 IMAGE_ROUTES = (("success",), ("image", "success_ratio"), ("joint",))
 """Estimators that make log r(S=1, i | h), the preferred ones first."""
 POWER = "power"
@@ -41,14 +43,10 @@ class SuccessGivenImage:
     context: Any
     power: float = 1.0
 
-    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+    def log_ratio(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log success probability times the power, which is the log-ratio up to a constant in h."""
-        return self.power * F.logsigmoid(self.logit(hands))
-
-    def logit(self, hands: Hands) -> Float[Tensor, "*batch"]:
-        """Logit of the success probability."""
-        value: Tensor = self.estimator(self.context, as_row(hands))
-        return value.reshape(hands.shape)
+        logit: Tensor = self.estimator(self.context, as_row(hands))
+        return self.power * F.logsigmoid(logit.reshape(hands.shape))
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class FactorisedRatio:
     success_ratio: nn.Module
     context: Any
 
-    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+    def log_ratio(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log r(S=1, i | h)."""
         row = as_row(hands)
         value: Tensor = self.image(self.context, row) + self.success_ratio(torch.ones_like(row.position[..., 0]), row)
@@ -73,7 +71,7 @@ class JointGivenImage:
     estimator: nn.Module
     context: Any
 
-    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+    def log_ratio(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log r(S=1, i | h)."""
         row = as_row(hands)
         value: Tensor = self.estimator(self.context, row, torch.ones_like(row.position[..., 0]))
@@ -86,7 +84,7 @@ class SuccessRatioOnly:
 
     estimator: nn.Module
 
-    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+    def log_ratio(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log r(S=1 | h)."""
         value: Tensor = self.estimator(torch.ones_like(hands.position[..., 0]), hands)
         return value
@@ -102,7 +100,7 @@ class SuccessGivenObject:
     pose: Float[Tensor, "1 3"]
     friction: float
 
-    def __call__(self, hands: Hands) -> Float[Tensor, "*batch"]:
+    def log_ratio(self, hands: Hands) -> Float[Tensor, "*batch"]:
         """Log success probability, which is the log-ratio up to a constant in h."""
         row = as_row(hands)
         friction = torch.full_like(row.position[..., 0], self.friction)
@@ -127,9 +125,7 @@ class GraspModel:
         """The power of p(S=1 | i, h) in the posterior; 1 for a model that was never calibrated."""
         return float(self.card.get(POWER, {}).get("success", 1.0))
 
-    def given_image(
-        self, image: Float[Tensor, "1 height width"]
-    ) -> SuccessGivenImage | FactorisedRatio | JointGivenImage:
+    def given_image(self, image: Float[Tensor, "1 height width"]) -> LogRatio:
         """Log r(S=1, i | h) as a function of h, up to a constant, by the first of `IMAGE_ROUTES` that the model has.
 
         Args:
@@ -140,18 +136,17 @@ class GraspModel:
         """
         route = route_given_image(self.estimators)
         if route == ("success",):
-            return SuccessGivenImage(self.estimators["success"], self._encode("success", image), self.power)
+            return SuccessGivenImage(self.estimators["success"], self._encode("success", image), self.power).log_ratio
         if route == ("joint",):
-            return JointGivenImage(self.estimators["joint"], self._encode("joint", image))
-        return FactorisedRatio(self._role("image"), self._role("success_ratio"), self._encode("image", image))
+            return JointGivenImage(self.estimators["joint"], self._encode("joint", image)).log_ratio
+        parts = self._role("image"), self._role("success_ratio")
+        return FactorisedRatio(*parts, self._encode("image", image)).log_ratio
 
-    def given_success(self) -> SuccessRatioOnly:
+    def given_success(self) -> LogRatio:
         """Log r(S=1 | h)."""
-        return SuccessRatioOnly(self._role("success_ratio"))
+        return SuccessRatioOnly(self._role("success_ratio")).log_ratio
 
-    def given_object(
-        self, index: int, scale: float, pose: tuple[float, float, float], friction: float
-    ) -> SuccessGivenObject:
+    def given_object(self, index: int, scale: float, pose: tuple[float, float, float], friction: float) -> LogRatio:
         """Log r(S=1, O, p_O, beta, mu | h) as a function of h, up to a constant.
 
         Args:
@@ -161,7 +156,7 @@ class GraspModel:
             friction: Lateral friction coefficient.
         """
         known = torch.tensor([index]), torch.tensor([scale]), torch.tensor([pose])
-        return SuccessGivenObject(self._role("full"), *known, friction)
+        return SuccessGivenObject(self._role("full"), *known, friction).log_ratio
 
     def _role(self, role: str) -> nn.Module:
         if role not in self.estimators:
