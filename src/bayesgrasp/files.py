@@ -13,14 +13,15 @@ is no regular file, such as /dev/stdout, is written to and never replaced.
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from bayesgrasp.errors import FileError, clipped, shown
 
@@ -108,6 +109,13 @@ def write_bytes(path: Path | str, content: bytes) -> None:
         target = Path(os.path.realpath(path))  # a link goes on pointing where it points
         _check_directory(path, target.parent)
         _replace(target, content, None if old is None else stat.S_IMODE(old.st_mode))
+
+
+def write_through(path: Path | str, write: Callable[[BinaryIO], object]) -> None:
+    """Give a file what a function writes into an open one, such as a picture; as `write_bytes`."""
+    content = io.BytesIO()
+    write(content)
+    write_bytes(path, content.getvalue())
 
 
 def write_text(path: Path | str, text: str) -> None:

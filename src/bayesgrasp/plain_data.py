@@ -6,6 +6,8 @@ in a file must not decide how much memory is taken.
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from functools import cache
 from types import UnionType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -70,7 +72,7 @@ def _restore(target: Any, content: Any, place: str, limits: Limits) -> Any:
         return _restore_items(inner, content, place, limits)
     if origin is list:
         return list(_restore_items((*inner, ...), content, place, limits))
-    if origin is dict:
+    if origin in (dict, Mapping):
         _demand(isinstance(content, dict) and len(content) <= limits.items, place, "an object", content)
         return {name: _restore(inner[1], value, f"{place}.{name}", limits) for name, value in content.items()}
     if origin is Literal:
@@ -91,11 +93,17 @@ def _restore_scalar(target: Any, content: Any, place: str, limits: Limits) -> An
 
 
 def _restore_fields(target: Any, content: Any, place: str, limits: Limits) -> Any:
-    hints = get_type_hints(target)
-    hints = {field.name: hints[field.name] for field in dataclasses.fields(target)}
+    hints = _hints(target)
     known = isinstance(content, dict) and content.keys() <= hints.keys()
     _demand(known, place, f"an object with {', '.join(hints)}", content)
     return target(**{name: _restore(hints[name], value, f"{place}.{name}", limits) for name, value in content.items()})
+
+
+@cache
+def _hints(target: Any) -> dict[str, Any]:
+    """Types of the fields of a dataclass, by name."""
+    hints = get_type_hints(target)
+    return {field.name: hints[field.name] for field in dataclasses.fields(target)}
 
 
 def _restore_items(kinds: tuple[Any, ...], content: Any, place: str, limits: Limits) -> tuple[Any, ...]:

@@ -56,3 +56,25 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / FILE).write_text("hello\n")
     with pytest.raises(DataError, match="damaged"):
         Journal(tmp_path, IDENTITY, resume=True)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[]",
+        "3",
+        "{}",
+        "\x00",
+        '{"identity": 3}',
+        "[" * 2000,
+        '{"trials": [1]}',
+    ],
+)
+def test_a_line_of_something_else_is_refused(tmp_path: Path, line: str, result: Make) -> None:
+    Journal(tmp_path, IDENTITY, resume=False).add(result(0, {"plan": "success"}))
+    first, second = (tmp_path / FILE).read_text().splitlines()
+    for lines in ((line, second), (first, line), (first, second.replace('"number": 0', '"number": "0"'))):
+        (tmp_path / FILE).write_text("\n".join(lines) + "\n")
+        with pytest.raises(DataError, match="is damaged") as refused:
+            Journal(tmp_path, IDENTITY, resume=True)
+        assert len(str(refused.value)) < 400

@@ -13,7 +13,7 @@ from bayesgrasp.data.effective import Effective, effective_successes
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.manifest import TABLES
 from bayesgrasp.data.sheet import draw_sheet
-from bayesgrasp.files import check_target
+from bayesgrasp.files import check_target, write_through
 from bayesgrasp.generation.run import totals
 from bayesgrasp.types import Outcome
 
@@ -110,5 +110,6 @@ def _size(directory: Path) -> int:
 
 def _draw(dataset: GraspDataset, path: Path, seed: int) -> None:
     check_target(path)
-    draw_sheet(dataset, seed=seed).save(path)
+    sheet = draw_sheet(dataset, seed=seed)
+    write_through(path, lambda file: sheet.save(file, format="PNG"))
     print(f"wrote {path}: images with up to four successful hands (red basic, green wide, blue pinch)")

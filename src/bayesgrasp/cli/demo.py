@@ -9,6 +9,7 @@ from bayesgrasp.cli.plan import describe
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.demonstration import Demonstration, demonstrate
 from bayesgrasp.evaluation.scenes import Situation
+from bayesgrasp.files import check_target
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.viewer.story import draw_story
 from bayesgrasp.workflows.load import load_planner
@@ -74,5 +75,6 @@ def _scene(situation: Situation) -> str:
 
 def _check(out: Path) -> None:
     """Refuse before the work, not after it."""
-    if out.suffix != ".png" or not out.resolve().parent.is_dir():
-        raise InvalidConfigurationError(f"cannot write {out}: give a .png file in a directory that exists")
+    if out.suffix != ".png":
+        raise InvalidConfigurationError(f"cannot write {out}: give a .png file")
+    check_target(out)

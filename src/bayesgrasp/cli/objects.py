@@ -11,7 +11,7 @@ from PIL import Image
 
 from bayesgrasp.cli.progress import downloading
 from bayesgrasp.errors import AssetError
-from bayesgrasp.files import write_json
+from bayesgrasp.files import check_target, write_json, write_through
 from bayesgrasp.meshes.convex import PRESETS
 from bayesgrasp.meshes.deviation import deviation
 from bayesgrasp.meshes.mesh import Mesh
@@ -61,8 +61,10 @@ def show(
     """
     asset = _one(id, ycb_dir, mesh, mass, convex)
     target = out or Path(f"{asset.id}.png")
+    check_target(target)
     print("\n".join(_description(asset)))
-    Image.fromarray(object_picture(asset)).save(target)
+    picture = Image.fromarray(object_picture(asset))
+    write_through(target, lambda file: picture.save(file, format="PNG"))
     print(f"picture      {target}")
 
 

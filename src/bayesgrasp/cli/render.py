@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy import ndarray
 
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import AssetError, InvalidConfigurationError
+from bayesgrasp.files import make_directory, write_through
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.objects.catalogue import load_objects
@@ -88,12 +90,13 @@ def _write(
     out: Path, clean: Float32[ndarray, "h w"], noisy: Float32[ndarray, "h w"], camera: Camera, title: str
 ) -> None:
 
-    out.mkdir(parents=True, exist_ok=True)
+    make_directory(out)
     for name, image in (("depth", noisy), ("clean", np.where(clean < FARTHEST_DEPTH, clean, np.float32(0)))):
         write_depth_png(out / f"{name}.png", image)
-        np.save(out / f"{name}.npy", image)
+        write_through(out / f"{name}.npy", partial(np.save, arr=image))
     camera.save(out / "camera.json")
-    _picture(clean, noisy, title).savefig(out / "picture.png", dpi=100)
+    picture = _picture(clean, noisy, title)
+    write_through(out / "picture.png", lambda file: picture.savefig(file, format="png", dpi=100))
 
 
 def _picture(clean: Float32[ndarray, "h w"], noisy: Float32[ndarray, "h w"], title: str) -> Figure:

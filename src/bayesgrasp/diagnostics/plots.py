@@ -12,6 +12,7 @@ from scipy import stats
 from bayesgrasp.diagnostics.coverage import Coverage
 from bayesgrasp.diagnostics.reliability import Reliability
 from bayesgrasp.diagnostics.sbc import Ranks
+from bayesgrasp.files import make_directory, write_through
 
 GREY, BLUE, RED = "0.85", "tab:blue", "tab:red"
 CONFIDENCE = 0.95
@@ -75,9 +76,9 @@ def plot_spread(spread: np.ndarray, path: Path) -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure; the format follows from the file's name."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_directory(path.parent)
     FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=150)
+    write_through(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=150))
 
 
 def _histogram(axes: Axes, rank: Ranks, bins: int) -> None:

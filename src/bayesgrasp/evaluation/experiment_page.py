@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from bayesgrasp.evaluation.report import Picture, Section, write_report
 from bayesgrasp.evaluation.tables import markdown, markdown_per_object
+from bayesgrasp.files import MIB, read_json
 
+LARGEST = 64 * MIB
+"""Bytes of a file of results."""
 CALIBRATION = {
     "coverage": "Expected coverage of highest-density regions, and TARP.",
     "sbc": "Simulation-based calibration: ranks of the truths.",
@@ -33,7 +35,7 @@ def write_experiment_page(directory: Path, splits: Sequence[str], attempts: int)
 
 
 def _success(results: Path, split: str, attempts: int) -> Section:
-    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    summary = read_json(results / "summary.json", LARGEST)
     text = (
         f"{summary['scenes']} scenes, seed {summary['seed']}; model trained on {attempts} lift tests. "
         "Intervals are Wilson's, 95 %; unreachable grasps are failures. The paper's rates are from its own "
@@ -48,7 +50,7 @@ def _success(results: Path, split: str, attempts: int) -> Section:
 
 
 def _posterior(directory: Path) -> list[Section]:
-    coverage = json.loads((directory / "diagnostics.json").read_text(encoding="utf-8"))["expected_coverage"]
+    coverage = read_json(directory / "diagnostics.json", LARGEST)["expected_coverage"]
     text = f"Largest error of the expected coverage: {coverage['max_error']:.3f} ({coverage['count']} successes)."
     figures = [Picture(directory / "diagnostics" / f"{name}.png", caption) for name, caption in CALIBRATION.items()]
     return [

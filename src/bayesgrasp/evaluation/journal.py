@@ -7,7 +7,6 @@ line is written in one piece and synced; a last line that was torn by a crash is
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from bayesgrasp.errors import DataError
+from bayesgrasp.errors import DataError, clipped
+from bayesgrasp.files import MIB, append, make_directory, parsed_json, read_text, write_text
+from bayesgrasp.plain_data import restored
 from bayesgrasp.types import Attempts, Outcome
 
 FILE = "scenes.jsonl"
+LARGEST = 1024 * MIB
+"""Bytes; a scene has about two thousand."""
 NO_PLAN = "no_plan"
 """The outcome of a strategy that declined to grasp; otherwise an `Outcome` in lower case."""
 
@@ -89,10 +92,8 @@ class SceneResult:
 
     @staticmethod
     def from_line(line: str) -> SceneResult:
-        """The inverse of `to_line`; ValueError, KeyError or TypeError where the line is none."""
-        content = json.loads(line)
-        trials = {name: Trial(**_tuples(trial)) for name, trial in content.pop("trials").items()}
-        return SceneResult(**_tuples(content), trials=trials)
+        """The inverse of `to_line`; ValueError where the line is none."""
+        return restored(SceneResult, parsed_json(line))
 
 
 class Journal:
@@ -110,7 +111,7 @@ class Journal:
     def __init__(self, directory: Path, identity: Mapping[str, Any], resume: bool) -> None:
         self.path = directory / FILE
         self.results: dict[int, SceneResult] = {}
-        directory.mkdir(parents=True, exist_ok=True)
+        make_directory(directory)
         if self.path.exists() and self.path.stat().st_size > 0:
             if not resume:
                 raise DataError(f"{directory} holds a run already: give --resume to go on with it, or another --out")
@@ -124,16 +125,16 @@ class Journal:
         self.results[result.number] = result
 
     def _read(self, identity: Mapping[str, Any]) -> None:
-        text = self.path.read_text(encoding="utf-8")
+        text = read_text(self.path, LARGEST)
         whole, _, torn = text.rpartition("\n")
         if torn:
-            _replace(self.path, whole + "\n" if whole else "")
+            write_text(self.path, whole + "\n" if whole else "")
         lines = whole.split("\n")
         try:
-            found = json.loads(lines[0])["identity"]
+            found = dict(parsed_json(lines[0])["identity"])
             results = [SceneResult.from_line(line) for line in lines[1:]]
         except (ValueError, KeyError, TypeError) as error:
-            raise DataError(f"{self.path} is not the file of a benchmark, or is damaged: {error}") from error
+            raise DataError(f"{self.path} is not the file of a benchmark, or is damaged: {clipped(error)}") from error
         if different := _differences(found, json.loads(json.dumps(identity))):
             raise DataError(
                 f"{self.path} belongs to another run ({', '.join(different)} differ): give the same options, or "
@@ -142,21 +143,8 @@ class Journal:
         self.results = {result.number: result for result in results}
 
     def _append(self, line: str) -> None:
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-
-
-def _replace(path: Path, text: str) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
+        append(self.path, f"{line}\n".encode())
 
 
 def _differences(left: Mapping[str, Any], right: Mapping[str, Any]) -> Sequence[str]:
     return [name for name in sorted(left.keys() | right.keys()) if left.get(name) != right.get(name)]
-
-
-def _tuples(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}

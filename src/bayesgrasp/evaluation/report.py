@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import base64
 import html
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from bayesgrasp.files import MIB, read_bytes, write_text
+
+LARGEST_PICTURE = 64 * MIB
+"""Bytes of a figure."""
 
 _STYLE = (
     "body{font:16px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}"
@@ -55,9 +59,7 @@ def write_report(path: Path, title: str, sections: Sequence[Section]) -> None:
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
         f"<style>{_STYLE}</style></head>\n<body><h1>{html.escape(title)}</h1>\n{body}\n</body></html>\n"
     )
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(page, encoding="utf-8")
-    os.replace(partial, path)
+    write_text(path, page)
 
 
 def _section(section: Section) -> list[str]:
@@ -73,7 +75,7 @@ def _picture(picture: Picture) -> str:
     caption = f"<figcaption>{_inline(picture.caption)}</figcaption>"
     if not picture.path.exists():
         return f"<figure><p>There is no {html.escape(picture.path.name)}.</p>{caption}</figure>"
-    data = base64.b64encode(picture.path.read_bytes()).decode()
+    data = base64.b64encode(read_bytes(picture.path, LARGEST_PICTURE)).decode()
     alternative = html.escape(picture.caption, quote=True)
     return f'<figure><img alt="{alternative}" src="data:image/png;base64,{data}">{caption}</figure>'
 

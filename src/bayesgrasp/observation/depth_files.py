@@ -7,7 +7,6 @@ Depth files are 16-bit PNG (millimetres, as Kinect drivers and most data sets wr
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +15,7 @@ from jaxtyping import Float32, Float64, Shaped
 from PIL import Image
 
 from bayesgrasp.errors import DepthImageError, FileError, shown
-from bayesgrasp.files import MIB, read_bytes, write_bytes
+from bayesgrasp.files import MIB, read_bytes, write_through
 from bayesgrasp.observation.stored_arrays import npy_array, npz_array, png_array
 
 Unit = Literal["auto", "m", "mm"]
@@ -88,9 +87,7 @@ def write_depth_png(path: Path | str, depth: Float32[np.ndarray, "h w"]) -> None
     millimetres = np.rint(depth.astype(np.float64) * 1e3)
     if not ((millimetres >= 0) & (millimetres <= np.iinfo(np.uint16).max)).all():
         raise DepthImageError(f"depths must be from 0 to 65.535 m to be written to {path}, in millimetres of 16 bits")
-    content = io.BytesIO()
-    Image.fromarray(millimetres.astype(np.uint16)).save(content, format="PNG")
-    write_bytes(path, content.getvalue())
+    write_through(path, lambda file: Image.fromarray(millimetres.astype(np.uint16)).save(file, format="PNG"))
 
 
 def _stored_array(path: Path) -> Shaped[np.ndarray, "..."]:

@@ -18,6 +18,7 @@ from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from scipy.spatial import ConvexHull, QhullError
 
+from bayesgrasp.files import write_through
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.planning.observing import Observed
 from bayesgrasp.planning.plan import Grasp, Plan
@@ -53,7 +54,7 @@ def save_plan_figure(
     right = grid[3].subgridspec(2, 1)
     _draw_types(figure.add_subplot(right[0]), marginals)
     _draw_coordinates(figure.add_subplot(right[1]), marginals)
-    figure.savefig(path, dpi=120)
+    write_through(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=120))
 
 
 def draw_grasps(

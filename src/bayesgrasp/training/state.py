@@ -12,7 +12,9 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from bayesgrasp.errors import CheckpointError
+from bayesgrasp.errors import CheckpointError, clipped
+from bayesgrasp.files import parsed_json
+from bayesgrasp.plain_data import restored
 from bayesgrasp.ratio.tensor_file import load_weights, read_tensors, write_tensors
 
 MODULES = ("estimator", "averaged", "best")
@@ -72,9 +74,9 @@ def load_state(
     """
     tensors, metadata = read_tensors(path)
     try:
-        state = TrainingState(**json.loads(metadata["state"]))
-    except (KeyError, ValueError, TypeError) as error:
-        raise CheckpointError(f"{path} is not a saved training state: {error}") from error
+        state = restored(TrainingState, parsed_json(metadata["state"]))
+    except (KeyError, ValueError) as error:
+        raise CheckpointError(f"{path} is not a saved training state: {clipped(error)}") from error
     if state.fingerprint != fingerprint:
         raise CheckpointError(
             f"{path} belongs to another run: it was saved with {state.fingerprint}, this run has {fingerprint}; "

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+from bayesgrasp.files import write_through
 from bayesgrasp.geometry.camera import Camera, look_at
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
@@ -68,7 +69,9 @@ def save_film(
 ) -> None:
     """Write a .png with a row of frames per attempt, or a moving .gif of the first one."""
     if path.suffix == ".png":
-        Image.fromarray(film_sheet(objects, attempts, config=config)).save(path)
+        sheet = Image.fromarray(film_sheet(objects, attempts, config=config))
+        write_through(path, lambda file: sheet.save(file, format="PNG"))
         return
     frames = [Image.fromarray(frame) for frame in film_attempt(objects, attempts[0], 40, config)]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=60, loop=0)
+    moving = {"save_all": True, "append_images": frames[1:], "duration": 60, "loop": 0}
+    write_through(path, lambda file: frames[0].save(file, format="GIF", **moving))

@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
 from bayesgrasp.evaluation.demonstration import Demonstration
+from bayesgrasp.files import write_through
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.planning.figure import save_plan_figure
 from bayesgrasp.planning.planner import Planner
@@ -35,7 +36,7 @@ def draw_story(path: Path, planner: Planner, shown: Demonstration) -> None:
     for picture in pictures:
         story.paste(picture, (0, top))
         top += picture.height
-    story.save(path)
+    write_through(path, lambda file: story.save(file, format="PNG"))
 
 
 def _strip(frames: list[UInt8[np.ndarray, "h w 3"]], width: int) -> Image.Image:

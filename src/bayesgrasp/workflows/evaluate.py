@@ -8,8 +8,6 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.figures import plot_ladder, plot_per_object, plot_transfer
 from bayesgrasp.evaluation.journal import Journal, SceneResult
@@ -22,7 +20,7 @@ from bayesgrasp.files import write_json, write_text
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.ratio.checkpoint import load_model, read_card
 from bayesgrasp.types import Attempts, Outcome
-from bayesgrasp.viewer.film import film_sheet
+from bayesgrasp.viewer.film import save_film
 from bayesgrasp.workflows.load import load_planner
 
 PICTURED = "map_image"
@@ -155,7 +153,7 @@ class Evaluation:
         attempts = _failed(results, count)
         if attempts:
             objects, config = self.benchmark.objects, self.benchmark.shift.lift_test_config
-            Image.fromarray(film_sheet(objects, attempts, config=config)).save(path)
+            save_film(path, objects, attempts, config)
         return tuple(self.benchmark.objects[int(attempt.object_index[0])].id for attempt in attempts)
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.diagnostics.posterior_report import Report
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import InvalidConfigurationError, clipped
 from bayesgrasp.evaluation.demonstration import Demonstration
 from bayesgrasp.evaluation.journal import SceneResult
-from bayesgrasp.files import write_json
+from bayesgrasp.files import MIB, make_directory, read_json, write_json
 from bayesgrasp.generation.run import Progress
 from bayesgrasp.training.train_model import Watch
 from bayesgrasp.workflows.evaluate import Evaluation
@@ -75,13 +75,13 @@ class Stages:
     def __init__(self, out: Path, settings: dict[str, Any]) -> None:
         self.path, self.settings = out / "experiment.json", json.loads(json.dumps(settings))
         self.done: list[str] = []
-        out.mkdir(parents=True, exist_ok=True)
+        make_directory(out)
         if self.path.exists():
             try:
-                content = json.loads(self.path.read_text(encoding="utf-8"))
-                found, self.done = content["settings"], list(content["done"])
-            except (ValueError, KeyError, TypeError) as error:
-                raise InvalidConfigurationError(f"{self.path} cannot be read: {error}") from error
+                content = read_json(self.path, MIB)
+                found, self.done = dict(content["settings"]), list(content["done"])
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise InvalidConfigurationError(f"{self.path} cannot be read: {clipped(error)}") from error
             if found != self.settings:
                 raise InvalidConfigurationError(
                     f"{out} holds an experiment with other settings (scale {found.get('scale')}, seed "
