@@ -8,9 +8,6 @@ import pytest
 from PIL import Image
 
 from bayesgrasp.cli.main import main
-from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.generation.trials import CHUNK, Simulation
-from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
 
@@ -41,17 +38,6 @@ def test_json_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert image.std() > 10, "the picture shows something"
 
 
-def test_same_seed_same_result_for_any_number_of_workers() -> None:
-    objects = load_objects(["household_ball", "household_tea_box"])
-    alone = Simulation(objects, seed=5).run(CHUNK + 50, workers=1)
-    together = Simulation(objects, seed=5).run(CHUNK + 50, workers=2)
-    np.testing.assert_array_equal(alone.outcomes, together.outcomes)
-    for name, column in alone.attempts.columns().items():
-        np.testing.assert_array_equal(column, together.attempts.columns()[name], err_msg=name)
-    other = Simulation(objects, seed=6).run(50)
-    assert not np.array_equal(other.attempts.position, alone.attempts.position[:50])
-
-
 def test_wrong_input_is_one_clear_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "no_such_thing" in fails(capsys, "--split", "no_such_thing")
     assert "attempt" in fails(capsys, "--split", "household_ball", "--attempts", "0")
@@ -59,13 +45,6 @@ def test_wrong_input_is_one_clear_error(capsys: pytest.CaptureFixture[str], tmp_
     assert ".png or .gif" in fails(capsys, "--split", "household_ball", "--video", str(tmp_path / "x.mp4"))
     assert "mass" in fails(capsys, "--mesh", str(tmp_path / "x.stl"))
     assert not list(tmp_path.iterdir())
-
-
-def test_simulation_needs_something_to_do() -> None:
-    with pytest.raises(InvalidConfigurationError, match="at least one"):
-        Simulation((), 0).run(10)
-    with pytest.raises(InvalidConfigurationError, match="at least one"):
-        Simulation(load_objects(["household_ball"]), 0).run(10, workers=0)
 
 
 def test_the_engine_and_the_criterion_can_be_chosen(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The process pool: deaths of workers and of their owner."""
 
+import ast
 import os
 import signal
 import subprocess
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import fake_tasks
 import pytest
+import torch
 
+import bayesgrasp
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.generation.pool import InProcess, LocalPool
 
@@ -84,6 +87,28 @@ def test_work_can_stay_in_the_process(tmp_path: Path) -> None:
     with InProcess().start(fake_tasks.Squares(tmp_path).start) as run:
         assert list(run([1, 2, 3])) == [1, 4, 9]
     assert fake_tasks.workers(tmp_path) == [os.getpid()]
+
+
+def test_torch_has_one_thread_while_work_stays_in_the_process(tmp_path: Path) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with InProcess().start(lambda: lambda task: torch.get_num_threads()) as run:
+            assert list(run([1, 2])) == [1, 1]
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_one_place_keeps_process_wide_state() -> None:
+    """Nothing else in the package begins empty at the top of a module, to be filled later, or is declared global."""
+    kept = []
+    for path in sorted(Path(bayesgrasp.__file__).parent.rglob("*.py")):
+        tree = ast.parse(path.read_text())
+        values = [node.value for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
+        kept += [path.name for value in values if value is not None and ast.unparse(value) in ("{}", "[]", "set()")]
+        kept += [path.name for node in ast.walk(tree) if isinstance(node, ast.Global)]
+    assert kept == ["pool.py"]
 
 
 def test_no_workers_is_refused() -> None:
