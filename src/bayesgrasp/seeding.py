@@ -54,6 +54,7 @@ class Stream(Enum):
     PLAN = (15,)  # (): a plan
     BENCHMARK_SCENE = (16,)  # scene: scale, pose, nuisances, camera, noise
     BENCHMARK_SEARCH = (17,)  # scene: what strategies draw
+    FIXED_HAND = (29,)  # round: scenes that fixed hands are tried in
     DIAGNOSED_PAIR = (18,)  # (): pairs of a data set that a posterior is judged by
     REFERENCE = (19,)  # (): random points of the diagnostics
     DIAGNOSED_PRIOR = (20,)  # pair: draws from the prior that stand for a posterior

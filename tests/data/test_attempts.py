@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from bayesgrasp.data.attempts import AttemptsConfig, RefreshedAttempts, refreshed_attempts
+from bayesgrasp.data.attempts import AttemptsConfig, PractisedAttempts, RefreshedAttempts, refreshed_attempts
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import DataError, InvalidConfigurationError
@@ -58,7 +58,7 @@ def test_successes_stand_in_poses_of_their_own(attempts: RefreshedAttempts) -> N
 
 def test_weighted_attempts_follow_the_prior_and_the_simulator(attempts: RefreshedAttempts) -> None:
     """Rate of success, and the place of hands given success and failure, as in the stored attempts."""
-    position, success, weight = together([b for epoch in range(4) for b in attempts(epoch)])
+    position, success, weight = together([b for epoch in range(4) for b in attempts.batches(epoch)])
     share = len(attempts.rows[0]) / sum(map(len, attempts.rows))
     assert float((weight * success).sum() / weight.sum()) == pytest.approx(share, rel=1e-5)
     for rows, outcome in zip(attempts.rows, (1, 0), strict=True):
@@ -96,3 +96,22 @@ def test_attempts_without_success_are_refused(tmp_path: Path) -> None:
 def test_impossible_configurations_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidConfigurationError, match=next(iter(wrong))):
         AttemptsConfig(**wrong)  # type: ignore[arg-type]
+
+
+def test_an_epoch_of_practice_shows_each_attempt_once_and_chooses_none_by_its_outcome(dataset: GraspDataset) -> None:
+    source = PractisedAttempts(dataset.attempt_columns, "train", batch_size=512)
+    first, again, other = (list(source.batches(epoch)) for epoch in (0, 0, 1))
+    assert len(first) == len(source) == len(source.rows) // 512
+    position = torch.cat([batch.hands.position for batch in first])[:, 0]
+    assert len(torch.unique(position, dim=0)) == 512 * len(source)
+    assert all(bool((batch.selection_weight == 1).all()) for batch in first)
+    assert torch.equal(first[0].hands.position, again[0].hands.position)
+    assert not torch.equal(first[0].hands.position, other[0].hands.position)
+
+
+def test_little_practice_is_one_batch_and_none_is_refused(dataset: GraspDataset) -> None:
+    few = {name: column[:300] for name, column in dataset.attempt_columns.items()}
+    (batch,) = PractisedAttempts(few, "train").batches(0)
+    assert len(batch.success) == len(PractisedAttempts(few, "train").rows) < 300
+    with pytest.raises(DataError, match="no test attempts"):
+        len(PractisedAttempts({name: column[:50] for name, column in few.items()}, "test"))

@@ -13,6 +13,7 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry import so3
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, ObjectState, SuccessRatioConfig, in_object_frame
 from bayesgrasp.ratio.evidence import View, canonical_view, sample
+from bayesgrasp.ratio.hand_success import HandSuccessConfig
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig, HandFeatures
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig
@@ -29,6 +30,7 @@ def model(encoder: ConvConfig, local: LocalConfig) -> GraspModel:
     config = ImageConfig(encoder=encoder, widths=(16, 16))
     configs = {
         "success_ratio": SuccessRatioConfig(),
+        "hand_success": HandSuccessConfig(success_rate=0.02),
         "image": config,
         "joint": config,
         "full": FullConfig(objects=3, octaves=2),
@@ -44,16 +46,18 @@ def every_ratio(model: GraspModel, image: torch.Tensor) -> dict[str, LogRatio]:
         GraspModel({role: model.estimators[role] for role in roles}, {})
         for roles in (("success_ratio", "image"), ("joint",))
     )
+    blind = GraspModel({"success_ratio": model.estimators["hand_success"]}, {})
     return {
         "success": model.given_image(image),
         "factorised": paper.given_image(image),
         "joint": joint.given_image(image),
         "success_ratio": model.given_success(),
+        "hand_success": blind.given_success(),
         "full": model.given_object(1, 1.05, (0.02, -0.01, 2.0), 0.8),
     }
 
 
-NAMES = ["success", "factorised", "joint", "success_ratio", "full"]
+NAMES = ["success", "factorised", "joint", "success_ratio", "hand_success", "full"]
 
 
 @pytest.fixture(autouse=True)
@@ -124,6 +128,18 @@ def test_gradient_along_geodesics(
 def _double_full(model: GraspModel) -> LogRatio:
     scale, pose = torch.tensor([1.05]).double(), torch.tensor([[0.02, -0.01, 2.0]]).double()
     return SuccessGivenObject(model.estimators["full"], torch.tensor([1]), scale, pose, 0.8).log_ratio
+
+
+def test_both_ratios_of_success_come_from_one_probability(
+    model: GraspModel, hands: MakeHands, rng: torch.Generator
+) -> None:
+    """p(S=1) r(S=1 | h) is the probability, and the probabilities of S = 0 and S = 1 add up to one."""
+    estimator, some = model.estimators["hand_success"], hands((6,), rng)
+    failure, success = (estimator(torch.full((6,), float(s)), some).exp() for s in (0, 1))
+    torch.testing.assert_close(0.02 * success, estimator.logit(some).sigmoid())
+    torch.testing.assert_close(0.98 * failure + 0.02 * success, torch.ones(6))
+    with pytest.raises(InvalidConfigurationError, match="success_rate"):
+        HandSuccessConfig(success_rate=0.0)
 
 
 def test_the_hand_enters_as_thirteen_numbers_scaled_to_the_prior() -> None:

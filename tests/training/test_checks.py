@@ -10,6 +10,7 @@ from bayesgrasp.data.schema import Batch
 from bayesgrasp.training.checks import check
 from bayesgrasp.training.objectives import (
     FullObjective,
+    HandSuccessObjective,
     ImageObjective,
     JointObjective,
     Objective,
@@ -62,6 +63,9 @@ class Exact(nn.Module):
     def forward(self, first: object, hands: Hands, success: Tensor | None = None) -> Tensor:
         return self.value(first, hands.position[..., 0], success) + self.error
 
+    def logit(self, hands: Hands) -> Tensor:
+        return given_hand(hands.position[..., 0]).logit() + self.error
+
     def value(self, first: object, x: Tensor, success: Tensor | None) -> Tensor:
         if self.role == "success_ratio":
             assert isinstance(first, Tensor)
@@ -84,6 +88,7 @@ OBJECTIVES: dict[str, Objective] = {
     "joint": JointObjective(shifts=20),
     "success": SuccessObjective(),
     "full": FullObjective(),
+    "hand_success": HandSuccessObjective(),
 }
 
 
@@ -106,7 +111,7 @@ def test_a_wrong_one_breaks_them_on_its_own_side(role: str, error: float) -> Non
     assert abs(result["balance"]) > 0.03
 
 
-@pytest.mark.parametrize("role", ["success", "full"])
+@pytest.mark.parametrize("role", ["success", "full", "hand_success"])
 def test_a_probability_has_the_share_of_successes_as_its_mean(role: str) -> None:
     result = checked(role, 0.0)
     assert result["mean_probability"] == pytest.approx(result["mean_success"], abs=0.01)

@@ -14,6 +14,7 @@ from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.model import Role
+from bayesgrasp.training.presets import PresetName, Setup, preset
 from bayesgrasp.workflows.training_data import sources_by_role
 
 BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
@@ -41,14 +42,36 @@ def practice(tmp_path_factory: pytest.TempPathFactory) -> list[GraspDataset]:
     return [made(directory / str(number), manifest) for number, manifest in enumerate((BASE, told, more))]
 
 
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
+    """Practice whose hands knew nothing; its 20 draws a chunk are enough for all splits."""
+    manifest = replace(BASE, config=CONFIG | {"practice": {"given": "nothing"}})
+    return made(tmp_path_factory.mktemp("blind") / "data", manifest)
+
+
 def batches(base: GraspDataset, practice: list[GraspDataset], role: Role) -> int:
-    return len(sources_by_role([role], base, practice, 4, 0)[role].training)
+    parts = preset("best", Setup(objects=fake_world.OBJECTS), (role,))
+    return len(sources_by_role(parts, base, practice, 4, 0)[role].training)
 
 
 def test_the_ratio_of_success_alone_learns_from_attempts(base: GraspDataset) -> None:
-    found = sources_by_role(["success_ratio"], base, (), 4, 0)["success_ratio"]
+    parts = preset("best", Setup(), ("success_ratio",))
+    found = sources_by_role(parts, base, (), 4, 0)["success_ratio"]
     assert isinstance(found.training, RefreshedAttempts)
     assert isinstance(found.held_out, RefreshedAttempts)
+
+
+@pytest.mark.parametrize("preset_name", ["best", "paper"])
+def test_blind_practice_teaches_p_of_success_given_the_hand_alone(
+    base: GraspDataset, blind: GraspDataset, preset_name: PresetName
+) -> None:
+    """The paper's d_phi needs draws from p(h), and what sees an image must not learn from hands without one."""
+    parts = preset(preset_name, Setup(), ("success_ratio",))
+    alone, both = (sources_by_role(parts, base, sets, 4, 0)["success_ratio"] for sets in ([], [blind]))
+    assert len(both.training) - len(alone.training) == (preset_name == "best")
+    assert len(both.held_out) - len(alone.held_out) == (preset_name == "best")
+    assert batches(base, [blind], "success") == batches(base, [], "success")
+    assert batches(base, [blind], "full") == batches(base, [], "full")
 
 
 @pytest.mark.parametrize(("role", "times"), [("image", 1), ("joint", 1), ("success", 3), ("full", 4)])

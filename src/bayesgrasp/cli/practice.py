@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal
 
 from bayesgrasp.cli.generate import print_data
 from bayesgrasp.cli.progress import generating
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.stretch import StretchConfig
-from bayesgrasp.workflows.practise import PracticeJob, practise
+from bayesgrasp.workflows.practise import PracticeJob, Practised, practise
 
 
 def practice(
@@ -25,18 +24,18 @@ def practice(
     ycb_dir: Path | None = None,
     copies: int = 0,
     stretch: float = 1.3,
-    estimator: Literal["success", "full"] = "success",
+    estimator: Practised = "success",
 ) -> None:
     """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
 
     Give the result to `bayesgrasp train` beside the data that the model was trained on: the next model knows where the
     first one was wrong in its own favour. Practice of `success` teaches `success` and `full`, that of `full` only
-    `full`.
+    `full`, that of `success_ratio`, which knows nothing of a scene, only `success_ratio`.
 
     Args:
         model: Directory of the model.
         out: Directory of the new data set.
-        scenes: How many images.
+        scenes: How many images; for success_ratio, which looks at none, how many scenes of one try each.
         tries: Hands tried for each image, at least 3.
         seed: Of all random numbers.
         workers: Processes.
@@ -45,7 +44,8 @@ def practice(
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         copies: Stretched copies of each object that are practised on beside it, for more shapes than there are scans.
         stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
-        estimator: Which estimator proposes: success (it sees the image) or full (it knows object, pose and friction).
+        estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
+            success_ratio (it knows nothing).
     """
     objects = load_objects(split, ycb_dir)
     job = PracticeJob(model, objects, scenes, tries, estimator, StretchConfig(copies, stretch), seed)

@@ -121,6 +121,47 @@ class RefreshedAttempts:
         return AttemptRecords(**{name: np.ascontiguousarray(column[rows]) for name, column in self.columns.items()})
 
 
+@dataclass(frozen=True)
+class PractisedAttempts:
+    """Batches of attempts of practice without an image, as scenes of one hand, (B, 1), each once in an epoch.
+
+    Attributes:
+        columns: See `GraspDataset.attempt_columns`.
+        split: Of the draws.
+        batch_size: Attempts in a batch; what is left over in an epoch is in the next.
+        seed: Of the order.
+    """
+
+    columns: Columns
+    split: Split
+    batch_size: int = 2048
+    seed: int = 0
+
+    @cached_property
+    def rows(self) -> Int64[np.ndarray, "n"]:
+        """Attempts of the split.
+
+        Raises:
+            DataError: There are none.
+        """
+        rows = np.flatnonzero(in_split(self.columns["draw"], self.split))
+        if len(rows) == 0:
+            raise DataError(f"practice has no {self.split} attempts: practise more")
+        return rows
+
+    def __len__(self) -> int:
+        """Batches of an epoch."""
+        return max(1, len(self.rows) // self.batch_size)
+
+    def batches(self, epoch: int) -> Iterator[Batch]:
+        """The batches of an epoch; their selection weight is 1, since no attempt was chosen by its outcome."""
+        order = generator(self.seed, Stream.ATTEMPT_ORDER, epoch).permutation(self.rows)
+        for step in range(len(self)):
+            rows = order[step * self.batch_size : (step + 1) * self.batch_size]
+            batch = attempt_batch({name: column[rows] for name, column in self.columns.items()})
+            yield replace(batch, selection_weight=torch.ones_like(batch.selection_weight))
+
+
 def refreshed_attempts(
     dataset: GraspDataset, refresh: PlanarRefresh, config: AttemptsConfig | None = None, seed: int = 0
 ) -> tuple[RefreshedAttempts, RefreshedAttempts]:

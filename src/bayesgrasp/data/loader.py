@@ -70,10 +70,15 @@ class GraspDataset:
         """What `object_index` refers to, in order."""
         return tuple(item["id"] for item in self.manifest.objects)
 
+    @property
+    def images(self) -> int:
+        """How many scenes there are; a set of attempts alone has none."""
+        return sum(entry.scenes for entry in self.entries.values())
+
     @cached_property
     def scene_columns(self) -> Columns:
         """All scenes as memory maps, hands with the prefix ``hand_``; see `SceneRecords` and `HandRecords`."""
-        rows = sum(entry.scenes for entry in self.entries.values())
+        rows = self.images
         if rows == 0:
             raise DataError(f"{self.store.directory} has no images; generate with --scenes-per-draw 1 or more")
         return unpacked(self.cache, "scenes", self.entries.values(), rows, self._read_scenes)

@@ -20,7 +20,7 @@ from bayesgrasp.sealed import sealed, unsealed
 from bayesgrasp.types import Outcome
 
 TABLES = ("attempts", "scenes")
-Given = Literal["image", "object"]
+Given = Literal["image", "object", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class Manifest:
     @property
     def given(self) -> Given:
         """What the hands of a set of practice were proposed from (`generation.practice`)."""
-        return "object" if self.config.get("practice") == {"given": "object"} else "image"
+        given: Given = self.config.get("practice", {}).get("given", "image")
+        return given
 
     @property
     def identity(self) -> dict[str, Any]:

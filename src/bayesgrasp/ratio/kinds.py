@@ -21,6 +21,7 @@ from bayesgrasp.ratio.estimators import (
     SuccessRatio,
     SuccessRatioConfig,
 )
+from bayesgrasp.ratio.hand_success import HandSuccess, HandSuccessConfig
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 
 
@@ -39,6 +40,7 @@ class Kind:
 
 KINDS: dict[str, Kind] = {
     "success_ratio": Kind(SuccessRatioConfig, SuccessRatio),
+    "hand_success": Kind(HandSuccessConfig, HandSuccess),
     "image": Kind(ImageConfig, ImageRatio),
     "joint": Kind(ImageConfig, JointRatio),
     "full": Kind(FullConfig, FullSuccess),
@@ -48,7 +50,7 @@ KINDS: dict[str, Kind] = {
 LIMITS = Limits(count=100_000, number=1e6, items=4096)
 """What is believed of a configuration in a file."""
 KINDS_OF_ROLE = {
-    "success_ratio": ("success_ratio",),
+    "success_ratio": ("success_ratio", "hand_success"),
     "image": ("image",),
     "joint": ("joint",),
     "full": ("full",),

@@ -97,6 +97,16 @@ class FullObjective(SuccessObjective):
 
 
 @dataclass(frozen=True)
+class HandSuccessObjective(SuccessObjective):
+    """The same for the estimator that is told nothing but the hand."""
+
+    def logit(self, estimator: Any, batch: Batch) -> Tensor:
+        """Logits of p(S=1 | h), (b, k)."""
+        value: Tensor = estimator.logit(batch.hands)
+        return value
+
+
+@dataclass(frozen=True)
 class RatioObjective:
     """A likelihood-to-evidence ratio, learned from samples of the joint density and of the product of marginals.
 

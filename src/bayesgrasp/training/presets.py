@@ -1,7 +1,7 @@
 """What is trained: the estimators of each preset with their objectives and schedules.
 
     paper   d_phi and d_theta as the paper describes them; every width and schedule that it leaves open is here
-    best    p(S=1 | i, h) from local evidence, and d_phi for the strategies without an image
+    best    p(S=1 | i, h) from local evidence, and r(S | h) by way of p(S=1 | h), which may learn from practice
 
 Both may be followed by the full-observation estimator (the ideal rows of the paper's table); the joint ratio is the
 ablation that the paper argues against.
@@ -14,12 +14,14 @@ from typing import Literal
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, SuccessRatioConfig
 from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
+from bayesgrasp.ratio.hand_success import HandSuccessConfig
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig, Window
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.training.losses import LossConfig
 from bayesgrasp.training.objectives import (
     FullObjective,
+    HandSuccessObjective,
     ImageObjective,
     JointObjective,
     Objective,
@@ -42,6 +44,7 @@ class Setup:
         view: The canonical camera at the network's image size.
         objects: Number of meshes.
         window: Where the view shows the workspace; see `LocalConfig`.
+        success_rate: p(S=1) under the prior.
     """
 
     low: tuple[float, float, float] = HandConfig.low
@@ -49,6 +52,7 @@ class Setup:
     view: ViewConfig = field(default_factory=canonical_view)
     objects: int = 24
     window: Window | None = WORKSPACE_WINDOW
+    success_rate: float = 0.01
 
     def hand(self, embedding: int) -> HandConfig:
         """The hand as a vector, with an embedding of the type of this length."""
@@ -98,9 +102,7 @@ def preset(
     criterion, train = criterion or LossConfig(), train or TrainConfig()
     # Without convolutions bfloat16 saves nothing, and rounds the place of a hand to a millimetre.
     fast = replace(train, learning_rate=2 * train.learning_rate, bf16=False)
-    # r(S | h) sees few successes and could learn them by heart.
-    held_back = replace(fast, mirror=0.5, weight_decay=0.1)
-    ratio = SuccessRatioConfig(setup.hand(1))
+    ratio = _ratio(name, setup, criterion, fast)
     image = ImageConfig(setup.hand(1), ConvConfig((setup.view.height, setup.view.width)), activation="relu")
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
@@ -109,10 +111,21 @@ def preset(
         success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects, octaves=2, modulated=True)
     parts = {
-        "success_ratio": Part("success_ratio", "success_ratio", ratio, SuccessRatioObjective(criterion), held_back),
+        "success_ratio": ratio,
         "image": Part("image", "image", image, ImageObjective(criterion), train),
         "joint": Part("joint", "joint", image, JointObjective(criterion), train),
         "success": success,
         "full": Part("full", "full", full, FullObjective(), fast),
     }
     return tuple(parts[role] for role in (DEFAULT_ROLES[name] if roles is None else roles))
+
+
+def _ratio(name: PresetName, setup: Setup, criterion: LossConfig, train: TrainConfig) -> Part:
+    """r(S | h): the paper's d_phi, or by way of p(S=1 | h)."""
+    if name == "paper":
+        # It sees few successes and could learn them by heart.
+        held_back = replace(train, mirror=0.5, weight_decay=0.1)
+        config = SuccessRatioConfig(setup.hand(1))
+        return Part("success_ratio", "success_ratio", config, SuccessRatioObjective(criterion), held_back)
+    known = HandSuccessConfig(setup.hand(4), success_rate=setup.success_rate)
+    return Part("success_ratio", "hand_success", known, HandSuccessObjective(), replace(train, mirror=0.5))

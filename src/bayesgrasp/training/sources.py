@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from bayesgrasp.data.attempts import PractisedAttempts
 from bayesgrasp.data.loader import GraspDataset, SceneLoader
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import DataError
@@ -138,4 +139,22 @@ def with_practice(
     return Sources(
         InterleavedSources(tuple(one.training for one in every), seed),
         InterleavedSources(tuple(one.held_out for one in every), seed),
+    )
+
+
+def with_blind_practice(base: Sources, practice: Sequence[GraspDataset], seed: int) -> Sources:
+    """Training and held-out attempts together with those of practice that saw nothing (`generation.blind_practice`).
+
+    Args:
+        base: Attempts of a data set.
+        practice: Sets of practice; without any, the base as it is.
+        seed: Of the order of the attempts.
+    """
+    if not practice:
+        return base
+    columns = [dataset.attempt_columns for dataset in practice]
+    training = (PractisedAttempts(one, "train", seed=seed) for one in columns)
+    held_out = (PractisedAttempts(one, "validation", seed=seed) for one in columns)
+    return Sources(
+        InterleavedSources((base.training, *training), seed), InterleavedSources((base.held_out, *held_out), seed)
     )

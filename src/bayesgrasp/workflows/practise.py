@@ -12,22 +12,30 @@ import torch
 
 from bayesgrasp.data.manifest import Given, Manifest
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.generation.blind_practice import BlindProposer, BlindRecipe
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.generation.pairing import PairingConfig
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.practice import PracticeRecipe, Proposer, Shown
 from bayesgrasp.generation.provenance import describe
-from bayesgrasp.generation.run import Progress, Run, open_store
+from bayesgrasp.generation.run import Progress, Recipe, Run, open_store
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.objects.stretch import StretchConfig, with_copies
 from bayesgrasp.posterior.potential import LogDensity, Prior
-from bayesgrasp.posterior.practice_hands import practice_hands
+from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
+from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.checkpoint import load_model, read_card
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
 from bayesgrasp.workflows.load import trained_prior
+
+Practised = Literal["success", "full", "success_ratio"]
+GIVEN: dict[Practised, Given] = {"success": "image", "full": "object", "success_ratio": "nothing"}
+"""What each estimator is told of a scene."""
+BLIND_CHUNK = 512
+"""Attempts of a chunk without images."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +45,10 @@ class PracticeJob:
     Attributes:
         model: Directory of the model that proposes.
         objects: The object set; never the unseen ones if they are to stay unseen.
-        scenes: How many images.
+        scenes: How many images; for success_ratio, which looks at none, how many scenes of one try each.
         tries: Hands tried for each image, at least 3.
-        estimator: Which one proposes: success (it sees the image) or full (it knows object, pose and friction).
+        estimator: Which one proposes: success (it sees the image), full (it knows object, pose and friction) or
+            success_ratio (it knows nothing).
         stretch: Copies of each object that are practised on beside it, for more shapes than there are scans.
         seed: Of all random numbers.
 
@@ -51,7 +60,7 @@ class PracticeJob:
     objects: tuple[ObjectAsset, ...]
     scenes: int = 2000
     tries: int = 12
-    estimator: Literal["success", "full"] = "success"
+    estimator: Practised = "success"
     stretch: StretchConfig = field(default_factory=StretchConfig)
     seed: int = 0
 
@@ -64,7 +73,29 @@ class PracticeJob:
     @property
     def attempts(self) -> int:
         """Lift tests in all."""
-        return self.scenes * self.tries
+        return self.scenes * self.tries_each
+
+    @property
+    def given(self) -> Given:
+        """What the hands know of their scene."""
+        return GIVEN[self.estimator]
+
+    @property
+    def tries_each(self) -> int:
+        """Hands tried in a scene; without an image every hand has a scene of its own."""
+        return 1 if self.given == "nothing" else self.tries
+
+    def sizes(self, grasp: GraspPrior) -> GenerateConfig:
+        """What a chunk holds."""
+        images = int(self.given != "nothing")
+        return GenerateConfig(
+            proposal="prior",
+            attempts_per_draw=self.tries_each,
+            scenes_per_draw=images,
+            draws_per_chunk=32 if images else BLIND_CHUNK,
+            pairing=PairingConfig(hands=self.tries),
+            grasp=grasp,
+        )
 
 
 def practise(
@@ -94,20 +125,16 @@ def practise(
     """
     objects = with_copies(job.objects, job.stretch, generator(job.seed, Stream.COPIES))
     world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
-    config = GenerateConfig(
-        proposal="prior",
-        attempts_per_draw=job.tries,
-        scenes_per_draw=1,
-        draws_per_chunk=32,
-        pairing=PairingConfig(hands=job.tries),
-        grasp=trained_prior(read_card(job.model)),
-    )
+    config = job.sizes(trained_prior(read_card(job.model)))
     manifest = describe(world, config, job.seed, scene, job.attempts)
-    if job.estimator == "full":
+    if job.given == "object":
         _check_objects(job.model, tuple(asset.id for asset in objects))
-        manifest = replace(manifest, config=manifest.config | {"practice": {"given": "object"}})
-    proposer = ModelProposer(job.model.resolve(), manifest.given)
-    recipe = PracticeRecipe(world.build, config, job.seed, scene, proposer.build, manifest.given)
+    if job.given != "image":
+        manifest = replace(manifest, config=manifest.config | {"practice": {"given": job.given}})
+    proposer = ModelProposer(job.model.resolve(), job.given)
+    recipe: Recipe = PracticeRecipe(world.build, config, job.seed, scene, proposer.build, job.given)
+    if job.given == "nothing":
+        recipe = BlindRecipe(world.build, config, job.seed, scene, proposer.build_blind)
     store = open_store(Path(out), manifest, resume)
     return Run(store, recipe, job.attempts, progress).execute(LocalPool(workers))
 
@@ -124,7 +151,7 @@ def _check_objects(model: Path, ids: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True)
 class ModelProposer:
-    """q(h | i), or q(h | O, p_O, beta, mu), of a model that is loaded in the worker that uses it.
+    """q(h | i), q(h | O, p_O, beta, mu), or q(h), of a model that is loaded in the worker that uses it.
 
     Attributes:
         directory: Of the model.
@@ -143,6 +170,12 @@ class ModelProposer:
             return _propose(ratios(model, shown), prior, count, rng)
 
         return propose
+
+    def build_blind(self) -> BlindProposer:
+        """The proposer that is told nothing."""
+        model = load_model(self.directory)
+        prior, log_ratio = trained_prior(model.card), model.given_success()
+        return lambda count, rng: blind_hands(log_ratio, prior, count, rng)
 
 
 def _given_images(model: GraspModel, shown: Shown) -> list[LogDensity]:

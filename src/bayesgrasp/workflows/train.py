@@ -92,12 +92,12 @@ def train(
         raise CheckpointError(f"{out} holds a run already: give --resume to go on with it, or another directory")
     dataset = GraspDataset(data)
     parts = options.parts_for(dataset)
-    roles, sets = [part.role for part in parts], [GraspDataset(directory) for directory in practice]
+    sets = [GraspDataset(directory) for directory in practice]
     origin = origin_of(dataset)
     extra: dict[str, Any] = {"preset": options.preset, "familiarity": familiarity_of(dataset)}
     trained = train_model(
         parts,
-        sources_by_role(roles, dataset, sets, options.batch_size, options.schedule.seed),
+        sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed),
         trained_prior({"prior": origin.prior}),
         start=None if start is None else load_model(start).estimators,
         device=usable_device(device),

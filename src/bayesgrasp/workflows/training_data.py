@@ -1,14 +1,15 @@
 """What a data set says to those who train on it: what each estimator learns from, what it must fit, what its card says.
 
-Which practice teaches what follows from what its hands knew (`generation.practice`): hands that knew the image alone
-teach p(S = 1 | i, h), all hands teach the estimator that is told the mesh, and none teach ratios of densities.
+Which practice teaches what follows from what its hands knew (`generation.practice`): hands that knew nothing teach
+p(S = 1 | h), hands that knew the image alone teach p(S = 1 | i, h), the latter and those that knew the object teach the
+estimator that is told the mesh, and none teach ratios of densities.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from bayesgrasp.data.attempts import refreshed_attempts
 from bayesgrasp.data.images import to_metres
 from bayesgrasp.data.loader import GraspDataset
+from bayesgrasp.data.manifest import Given
 from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.generation.provenance import source_commit
 from bayesgrasp.geometry.camera import network_camera
@@ -28,8 +30,9 @@ from bayesgrasp.ratio.checkpoint import Origin
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.robot.arm import ur5
 from bayesgrasp.robot.motion import MotionConfig, reached
-from bayesgrasp.training.presets import Setup
-from bayesgrasp.training.sources import Sources, scene_sources, with_practice
+from bayesgrasp.training.objectives import HandSuccessObjective
+from bayesgrasp.training.presets import Part, Setup
+from bayesgrasp.training.sources import Sources, scene_sources, with_blind_practice, with_practice
 from bayesgrasp.types import Outcome
 from bayesgrasp.workflows.load import trained_prior
 
@@ -37,15 +40,16 @@ FAMILIARITY_IMAGES = 1000
 
 
 def sources_by_role(
-    roles: Iterable[Role], dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
+    parts: Sequence[Part], dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
 ) -> dict[Role, Sources]:
     """What each estimator learns from, and what it is validated on.
 
-    r(S | h) learns from attempts; p(S = 1 | i, h) from scenes and from practice whose hands knew the image alone; the
-    estimator that is told the mesh from scenes and from all practice on meshes of the data set; the others from scenes.
+    r(S | h) learns from attempts, by way of p(S = 1 | h) also from practice whose hands knew nothing; p(S = 1 | i, h)
+    from scenes and from practice whose hands knew the image alone; the estimator that is told the mesh from scenes and
+    from all practice with images on meshes of the data set; the others from scenes.
 
     Args:
-        roles: The estimators.
+        parts: The estimators.
         dataset: Draws from the prior, or weighted to it.
         practice: Data sets of practice.
         batch_size: Scenes in a batch.
@@ -54,21 +58,27 @@ def sources_by_role(
     Raises:
         DataError: The data set is too small, or an estimator cannot learn from a set of practice.
     """
-    return {role: _sources(role, dataset, practice, batch_size, seed) for role in roles}
+    return {part.role: _sources(part, dataset, practice, batch_size, seed) for part in parts}
 
 
 def _sources(
-    role: Role, dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
+    part: Part, dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
 ) -> Sources:
-    if role == "success_ratio":
-        return Sources(*refreshed_attempts(dataset, planar_refresh(dataset), seed=seed))
+    if part.role == "success_ratio":
+        attempts = Sources(*refreshed_attempts(dataset, planar_refresh(dataset), seed=seed))
+        learns = isinstance(part.objective, HandSuccessObjective)
+        return with_blind_practice(attempts, _of(practice, "nothing") if learns else (), seed)
     scenes = scene_sources(dataset, batch_size, seed)
-    if role == "full":
-        return with_practice(scenes, practice, batch_size, seed, dataset.object_ids)
-    if role == "success":
-        seen = [one for one in practice if one.manifest.given == "image"]
-        return with_practice(scenes, seen, batch_size, seed)
+    if part.role == "full":
+        return with_practice(scenes, _of(practice, "image", "object"), batch_size, seed, dataset.object_ids)
+    if part.role == "success":
+        return with_practice(scenes, _of(practice, "image"), batch_size, seed)
     return scenes
+
+
+def _of(practice: Sequence[GraspDataset], *given: Given) -> list[GraspDataset]:
+    """The sets of practice whose hands knew one of these."""
+    return [one for one in practice if one.manifest.given in given]
 
 
 def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
@@ -90,7 +100,9 @@ def setup_of(dataset: GraspDataset) -> Setup:
     """What the estimators must fit, by the manifest of the data."""
     prior = prior_of(dataset)
     low, high = (tuple(float(prior[axis][end]) for axis in ("x", "y", "z")) for end in (0, 1))
-    return Setup(low=low, high=high, objects=len(dataset.object_ids))  # type: ignore[arg-type]
+    # A set without a success teaches no r(S | h), and says so when it is asked to; the others need no rate.
+    objects, rate = len(dataset.object_ids), max(_success_rate(dataset), 1e-6)
+    return Setup(low=low, high=high, objects=objects, success_rate=rate)  # type: ignore[arg-type]
 
 
 def prior_of(dataset: GraspDataset) -> dict[str, Any]:
@@ -126,7 +138,9 @@ def _success_rate(dataset: GraspDataset) -> float:
 
 
 def familiarity_of(dataset: GraspDataset) -> dict[str, Any] | None:
-    """Statistics of simulated images, by which the planner knows unfamiliar ones; None for a tiny data set."""
+    """Statistics of simulated images, by which the planner knows unfamiliar ones; None for a set with few or none."""
+    if dataset.images == 0:
+        return None
     rows = dataset.scenes("train").rows
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), FAMILIARITY_IMAGES)).astype(int)]
     reader = SurfaceReader(network_camera())
