@@ -29,6 +29,7 @@ from bayesgrasp.posterior.sampling import sample_posterior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.seeding import generator
 from bayesgrasp.workflows.load import DEFAULT_MODEL
 
@@ -53,7 +54,7 @@ def load(model: Path | None) -> tuple[Planner, str]:
     if model is not None or (DEFAULT_MODEL / "card.json").exists():
         return bayesgrasp.load(model), str(model or "shipped")
     with tempfile.TemporaryDirectory() as directory:
-        save_model(Path(directory), {"success": LocalSuccess(LocalConfig())}, Origin())
+        save_model(Path(directory), {"success": LocalSuccess(LocalConfig())}, Origin(robotiq_3f().name))
         return bayesgrasp.load(directory), "untrained"
 
 

@@ -14,12 +14,14 @@ from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import ImageConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.training.train_estimator import initialised
 
 
 def model(directory: Path, seed: int) -> Path:
     config = ImageConfig(encoder=ConvConfig(channels=(4, 4, 4, 4), width=8), widths=(16,))
-    save_model(directory, {"success": initialised(lambda: build("global", config), seed).eval()}, Origin())
+    estimator = initialised(lambda: build("global", config), seed).eval()
+    save_model(directory, {"success": estimator}, Origin(robotiq_3f().name))
     return directory
 
 

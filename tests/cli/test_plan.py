@@ -17,6 +17,7 @@ from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, SuccessRatio, SuccessRatioConfig
 from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import GraspType
 from bayesgrasp.workflows.load import success_probability, trained_prior
 
@@ -31,7 +32,8 @@ def untrained(kind: type, config: object) -> torch.nn.Module:
 def files(tmp_path_factory):
     """A model, a depth image and a camera file, in one directory."""
     directory = tmp_path_factory.mktemp("plan")
-    origin = Origin(prior={"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0})
+    prior = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0}
+    origin = Origin(robotiq_3f().name, prior=prior)
     save_model(directory / "model", {"success": untrained(GlobalSuccess, ImageConfig())}, origin)
     camera = canonical_camera()
     write_depth_png(directory / "depth.png", box_depth_image(camera, (Box(x=0.02),)))

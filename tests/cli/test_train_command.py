@@ -1,16 +1,13 @@
 """``bayesgrasp train`` on a small set from cheap simulators: a model that loads, resume, and clear refusals."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
-import fake_world
 import pytest
 import torch
+from training_set import make_training_set
 
 from bayesgrasp.cli.main import main
-from bayesgrasp.generation.pool import InProcess
-from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.types import Hands
 
@@ -20,14 +17,7 @@ PARTS = ["--estimators", "success_ratio", "image"]
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of the fake world, with the manifest that real simulators would write."""
-    directory = tmp_path_factory.mktemp("train") / "data"
-    manifest = fake_world.manifest()
-    box = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
-    config = {**manifest.config, "generate": {"grasp": box}, "scene": {"num_objects": 3}}
-    store = open_store(directory, replace(manifest, config=config, gripper="robotiq-3f"), False)
-    Run(store, fake_world.recipe(), 3000).execute(InProcess())
-    return directory
+    return make_training_set(tmp_path_factory.mktemp("train") / "data", 3000)
 
 
 def run(*words: str | Path) -> None:

@@ -2,23 +2,12 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-import fake_world
+from training_set import make_training_set
 
-from bayesgrasp.generation.pool import InProcess
-from bayesgrasp.generation.run import Run, open_store
-
-BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
 OPTIONS = ["--epochs", "3", "--batch-size", "8", "--preset", "paper", "--threads", "1"]
 KILLS = 3
-
-
-def make(data: Path) -> None:
-    config = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
-    store = open_store(data, replace(fake_world.manifest(), config=config), False)
-    Run(store, fake_world.recipe(), 2000).execute(InProcess())
 
 
 def train(data: Path, out: Path, kills: int) -> str:
@@ -28,7 +17,7 @@ def train(data: Path, out: Path, kills: int) -> str:
 
 
 def test_a_killed_run_ends_with_the_weights_of_an_undisturbed_one(tmp_path: Path) -> None:
-    make(tmp_path / "data")
+    make_training_set(tmp_path / "data", 2000)
     train(tmp_path / "data", tmp_path / "whole", 0)
     assert f"killed {KILLS} times" in train(tmp_path / "data", tmp_path / "killed", KILLS)
     for name in ("success_ratio.safetensors", "image.safetensors"):

@@ -24,6 +24,8 @@ from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.training.train_estimator import initialised
 from bayesgrasp.types import Hands
 
+HAND = "robotiq-3f"
+
 
 @pytest.fixture
 def directory(tmp_path: Path, local: LocalConfig) -> Path:
@@ -31,7 +33,7 @@ def directory(tmp_path: Path, local: LocalConfig) -> Path:
         "success": initialised(lambda: build("local", local), 0).eval(),
         "success_ratio": initialised(lambda: build("success_ratio", SuccessRatioConfig()), 0).eval(),
     }
-    save_model(tmp_path, estimators, Origin(data="abc", objects=("mug",)), {"success_ratio": {"loss": 1.25}})
+    save_model(tmp_path, estimators, Origin(HAND, data="abc", objects=("mug",)), {"success_ratio": {"loss": 1.25}})
     return tmp_path
 
 
@@ -226,7 +228,7 @@ def test_a_model_with_nan_is_not_written(tmp_path: Path) -> None:
     broken = initialised(lambda: build("success_ratio", SuccessRatioConfig()), 0)
     torch.nn.init.constant_(next(broken.parameters()), torch.nan)
     with pytest.raises(CheckpointError, match="not finite"):
-        save_model(tmp_path, {"success_ratio": broken}, Origin())
+        save_model(tmp_path, {"success_ratio": broken}, Origin(HAND))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -256,9 +258,9 @@ def test_a_model_says_what_it_lacks(directory: Path) -> None:
 
 def test_only_known_estimators_are_saved(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="Identity is no estimator"):
-        save_model(tmp_path, {"success_ratio": torch.nn.Identity()}, Origin())
+        save_model(tmp_path, {"success_ratio": torch.nn.Identity()}, Origin(HAND))
     with pytest.raises(CheckpointError, match="no role 'best'"):
-        save_model(tmp_path, {"best": torch.nn.Identity()}, Origin())
+        save_model(tmp_path, {"best": torch.nn.Identity()}, Origin(HAND))
 
 
 def test_joined_models_have_the_last_of_every_estimator(
@@ -267,7 +269,7 @@ def test_joined_models_have_the_last_of_every_estimator(
     later = tmp_path / "later"
     success_ratio = initialised(lambda: build("success_ratio", SuccessRatioConfig()), 7).eval()
     save_model(
-        later, {"success_ratio": success_ratio}, Origin(objects=("mug",)), extra={"power": {"success_ratio": 0.5}}
+        later, {"success_ratio": success_ratio}, Origin(HAND, objects=("mug",)), extra={"power": {"success_ratio": 0.5}}
     )
     join_models([directory, later], tmp_path / "joined")
     model = load_model(tmp_path / "joined")
@@ -282,7 +284,7 @@ def test_joined_models_have_the_last_of_every_estimator(
 
 def test_models_of_other_objects_are_not_joined(directory: Path, tmp_path: Path) -> None:
     success_ratio = initialised(lambda: build("success_ratio", SuccessRatioConfig()), 7)
-    save_model(tmp_path / "other", {"success_ratio": success_ratio}, Origin(objects=("bowl",)))
+    save_model(tmp_path / "other", {"success_ratio": success_ratio}, Origin(HAND, objects=("bowl",)))
     with pytest.raises(CheckpointError, match="objects differ"):
         join_models([directory, tmp_path / "other"], tmp_path / "joined")
 

@@ -14,6 +14,7 @@ from bayesgrasp.ratio.estimators import (
     SuccessRatioConfig,
 )
 from bayesgrasp.ratio.layers import ConvConfig
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 
 OBJECTS = ("household_carton", "household_tea_box")
 
@@ -28,5 +29,5 @@ def save_untrained(directory: Path) -> Path:
             "full": FullSuccess(FullConfig(objects=len(OBJECTS), widths=(16,))),
         }
     prior = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0}
-    save_model(directory, estimators, Origin(prior=prior, objects=OBJECTS, success_rate=0.01))
+    save_model(directory, estimators, Origin(robotiq_3f().name, prior=prior, objects=OBJECTS, success_rate=0.01))
     return directory

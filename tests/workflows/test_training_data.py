@@ -3,43 +3,39 @@
 from dataclasses import replace
 from pathlib import Path
 
-import fake_world
 import pytest
+from training_set import CONFIG, MANIFEST, make_training_set
 
 from bayesgrasp.data.attempts import RefreshedAttempts
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.errors import DataError
 from bayesgrasp.generation.chunks import GenerateConfig
-from bayesgrasp.generation.pool import InProcess
-from bayesgrasp.generation.run import Run, open_store
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.training.presets import PresetName, Setup, preset
 from bayesgrasp.workflows.training_data import sources_by_role
 
-BOX = {"x": [-0.15, 0.15], "y": [-0.15, 0.15], "z": [0.12, 0.34], "kappa": 30.0, "rotation": "modes"}
-CONFIG = {"generate": {"grasp": BOX}, "scene": {"num_objects": fake_world.OBJECTS}}
 SMALL = GenerateConfig(proposal="prior", attempts_per_draw=16, scenes_per_draw=1, draws_per_chunk=20)
-BASE = replace(fake_world.manifest(), config=CONFIG)
 
 
-def made(directory: Path, manifest: Manifest) -> GraspDataset:
-    Run(open_store(directory, manifest, False), fake_world.recipe(SMALL), 16 * 60).execute(InProcess())
-    return GraspDataset(directory)
+def made(directory: Path, manifest: Manifest = MANIFEST) -> GraspDataset:
+    return GraspDataset(make_training_set(directory, 16 * 60, SMALL, manifest))
 
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
-    return made(tmp_path_factory.mktemp("base") / "data", BASE)
+    return made(tmp_path_factory.mktemp("base") / "data")
 
 
 @pytest.fixture(scope="module")
 def practice(tmp_path_factory: pytest.TempPathFactory) -> list[GraspDataset]:
     """One set whose hands knew the image, one whose hands knew the object, one on a fourth object too."""
     directory = tmp_path_factory.mktemp("practice")
-    told = replace(BASE, config=CONFIG | {"practice": {"given": "object"}})
-    more = replace(BASE, objects=[*BASE.objects, {"id": "copy", "sha256": "", "split": "train", "mass_kg": 0.1}])
-    return [made(directory / str(number), manifest) for number, manifest in enumerate((BASE, told, more))]
+    told = replace(MANIFEST, config=CONFIG | {"practice": {"given": "object"}})
+    more = replace(
+        MANIFEST, objects=[*MANIFEST.objects, {"id": "copy", "sha256": "", "split": "train", "mass_kg": 0.1}]
+    )
+    return [made(directory / str(number), manifest) for number, manifest in enumerate((MANIFEST, told, more))]
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +79,7 @@ def test_practice_goes_where_it_is_right(
 
 
 def test_an_estimator_told_the_mesh_refuses_practice_with_other_meshes(base: GraspDataset, tmp_path: Path) -> None:
-    other = made(tmp_path / "other", replace(BASE, objects=BASE.objects[::-1]))
+    other = made(tmp_path / "other", replace(MANIFEST, objects=MANIFEST.objects[::-1]))
     assert batches(base, [other], "success") > batches(base, [], "success")
     with pytest.raises(DataError, match="other objects"):
         batches(base, [other], "full")

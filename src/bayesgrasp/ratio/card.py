@@ -27,7 +27,6 @@ from bayesgrasp.sealed import sealed, unsealed
 
 SCHEMA = 1
 CARD = "card.json"
-GRIPPER = "robotiq-3f"
 LARGEST = MIB
 """Bytes of a card."""
 STRONGEST = 100.0
@@ -65,13 +64,13 @@ def read_card(directory: Path) -> dict[str, Any]:
     return card
 
 
-def check_card(card: Mapping[str, Any], directory: Path, gripper: str, camera: Camera) -> None:
+def check_card(card: Mapping[str, Any], directory: Path, gripper: str | None, camera: Camera) -> None:
     """Refuse a model that was made for something else.
 
     Raises:
         CheckpointError: Another gripper or camera.
     """
-    if card["gripper"] != gripper:
+    if gripper is not None and card["gripper"] != gripper:
         raise CheckpointError(f"the model {directory} is for the gripper {card['gripper']!r}, not for {gripper!r}")
     if different := _differences(Camera.from_dict(card["camera"]).to_dict(), camera.to_dict()):
         raise CheckpointError(

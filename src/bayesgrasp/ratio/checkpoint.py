@@ -18,7 +18,7 @@ from torch.overrides import TorchFunctionMode
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.files import make_directory
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.ratio.card import GRIPPER, SCHEMA, check_card, write_card
+from bayesgrasp.ratio.card import SCHEMA, check_card, write_card
 from bayesgrasp.ratio.card import read_card as read_card  # for its callers
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
@@ -50,7 +50,7 @@ class Origin:
         objects: Names of the training meshes, in the order of their index.
     """
 
-    gripper: str = GRIPPER
+    gripper: str
     camera: Camera = field(default_factory=canonical_camera)
     prior: Mapping[str, Any] = field(default_factory=dict)
     data: str | None = None
@@ -97,12 +97,12 @@ def save_model(
     write_card(directory, {"schema": SCHEMA, **origin.to_dict(), "estimators": entries, **(extra or {})})
 
 
-def load_model(directory: Path, *, gripper: str = GRIPPER, camera: Camera | None = None) -> GraspModel:
+def load_model(directory: Path, *, gripper: str | None = None, camera: Camera | None = None) -> GraspModel:
     """Read a model for use with a gripper and a canonical camera.
 
     Args:
         directory: Where `save_model` wrote it.
-        gripper: The gripper that will be used.
+        gripper: The gripper that will be used; of any gripper if None.
         camera: The camera that images are brought to; `canonical_camera()` if None.
 
     Raises:

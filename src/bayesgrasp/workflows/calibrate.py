@@ -18,11 +18,10 @@ from bayesgrasp.diagnostics.reliability import Reliability, ensemble_spread, rel
 from bayesgrasp.generation.pool import Work, processes
 from bayesgrasp.geometry.grasp_space import GraspSpace
 from bayesgrasp.prior.grasp import GraspPrior
-from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import Stream, generator, torch_generator
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows.load import success_probability, trained_prior
+from bayesgrasp.workflows.load import load_trained, success_probability, trained_prior
 from bayesgrasp.workflows.success_pairs import Attempted, SuccessPairs
 
 DRAWS = 100
@@ -53,7 +52,7 @@ class CalibrationJob:
 
     def __post_init__(self) -> None:
         for directory in self.models:
-            load_model(directory)  # refused before the work, not after it
+            load_trained(directory)  # refused before the work, not after it
 
 
 def calibrate(
@@ -79,7 +78,7 @@ def calibrate(
             verdicts[row] = verdict
             if progress is not None:
                 progress(len(verdicts))
-    model = load_model(job.models[0])
+    model = load_trained(job.models[0])
     reliable = _reliability(model, attempted)
     rng = generator(job.seed, Stream.REFERENCE)
     references = trained_prior(model.card).sample(len(rows), rng)
@@ -96,7 +95,7 @@ class _Judging:
 
     def start(self) -> Work[int, tuple[int, Verdict]]:
         """The function that judges an observation, given its number; called once in each worker."""
-        models = [load_model(directory) for directory in self.job.models]
+        models = [load_trained(directory) for directory in self.job.models]
         prior = trained_prior(models[0].card)
         return lambda row: (row, self._verdict(row, models, prior))
 

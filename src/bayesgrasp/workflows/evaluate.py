@@ -18,10 +18,10 @@ from bayesgrasp.evaluation.tables import markdown, markdown_per_object, summariz
 from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
 from bayesgrasp.files import write_json, write_text
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.ratio.checkpoint import load_model, read_card
+from bayesgrasp.ratio.checkpoint import read_card
 from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import save_film
-from bayesgrasp.workflows.load import load_planner
+from bayesgrasp.workflows.load import load_planner, load_trained
 
 PICTURED = "map_image"
 """The strategy whose failures are pictured."""
@@ -40,7 +40,7 @@ class ModelContestants:
 
     def load(self) -> Contestants:
         """Load them."""
-        return Contestants(load_model(self.directory), load_planner(self.directory))
+        return Contestants(load_trained(self.directory), load_planner(self.directory))
 
 
 @dataclass(frozen=True)

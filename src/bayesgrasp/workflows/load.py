@@ -39,8 +39,7 @@ def load_planner(model: Path | str | None = None, config: PlannerConfig | None =
     Raises:
         CheckpointError: The model is missing, damaged, or was trained for another gripper, camera or schema.
     """
-    gripper = robotiq_3f()
-    trained = load_model(DEFAULT_MODEL if model is None else Path(model), gripper=gripper.name)
+    gripper, trained = robotiq_3f(), load_trained(model)
     familiarity = trained.card.get("familiarity")
     known = None if familiarity is None else Familiarity.from_dict(familiarity)
     return Planner(
@@ -50,6 +49,11 @@ def load_planner(model: Path | str | None = None, config: PlannerConfig | None =
         Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
         config or PlannerConfig(),
     )
+
+
+def load_trained(model: Path | str | None = None) -> GraspModel:
+    """A trained model for the Robotiq 3-Finger, without a planner around it; arguments and errors of `load_planner`."""
+    return load_model(DEFAULT_MODEL if model is None else Path(model), gripper=robotiq_3f().name)
 
 
 def trained_prior(card: Mapping[str, Any]) -> GraspPrior:

@@ -25,11 +25,11 @@ from bayesgrasp.posterior.potential import LogDensity, Prior
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.ratio.checkpoint import load_model, read_card
+from bayesgrasp.ratio.checkpoint import read_card
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows.load import trained_prior
+from bayesgrasp.workflows.load import load_trained, trained_prior
 
 Practised = Literal["success", "full", "success_ratio"]
 GIVEN: dict[Practised, Given] = {"success": "image", "full": "object", "success_ratio": "nothing"}
@@ -163,7 +163,7 @@ class ModelProposer:
 
     def build(self) -> Proposer:
         """The proposer."""
-        model = load_model(self.directory)
+        model = load_trained(self.directory)
         prior, ratios = trained_prior(model.card), _given_images if self.given == "image" else _given_objects
 
         def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:

@@ -99,7 +99,7 @@ def train(
         parts,
         sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed),
         trained_prior({"prior": origin.prior}),
-        start=None if start is None else load_model(start).estimators,
+        start=None if start is None else load_model(start, gripper=dataset.manifest.gripper).estimators,
         device=usable_device(device),
         states=out / STATE,
         callback=progress,
