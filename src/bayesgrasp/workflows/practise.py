@@ -173,7 +173,7 @@ class ModelProposer:
 
     def build_blind(self) -> BlindProposer:
         """The proposer that is told nothing."""
-        model = load_model(self.directory)
+        model = load_trained(self.directory)
         prior, log_ratio = trained_prior(model.card), model.given_success()
         return lambda count, rng: blind_hands(log_ratio, prior, count, rng)
 
