@@ -43,7 +43,7 @@ def test_an_epoch_holds_every_scene_of_the_split_once(dataset: GraspDataset) -> 
 
 
 def test_an_epoch_is_the_same_when_asked_again(dataset: GraspDataset) -> None:
-    first, second = (next(iter(dataset.scenes("train", 8, seed=3)(5))) for _ in range(2))
+    first, second = (next(iter(dataset.scenes("train", 8, seed=3).batches(5))) for _ in range(2))
     assert torch.equal(first.images, second.images)
     assert torch.equal(first.hands.rotation, second.hands.rotation)
 
@@ -90,7 +90,7 @@ def test_attempts_of_an_epoch_are_all_there_once(dataset: GraspDataset) -> None:
     assert len(rows) == 36 * 16
     assert len(torch.unique(rows, dim=0)) == len(rows)
     again = torch.cat([b.hands.position for b in loader.batches(0)])
-    other = torch.cat([b.hands.position for b in loader(1)])
+    other = torch.cat([b.hands.position for b in loader.batches(1)])
     assert torch.equal(rows, again)
     assert not torch.equal(rows, other)
     assert (torch.cat([b.weight for b in batches]) == 1).all()

@@ -15,6 +15,7 @@ from bayesgrasp.evaluation.strategies import STRATEGIES, SearchConfig, replans
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.posterior.ascent import AscentConfig
 from bayesgrasp.ratio.card import read_card
+from bayesgrasp.workflows.evaluate import ModelContestants
 
 KNOWS_NOTHING = ("prior_sample", "prior_argmax", "mle_metric", "map_metric")
 OF_THE_IMAGE = ("mle_image", "map_image", "top_down", "plan")
