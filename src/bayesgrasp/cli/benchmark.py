@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal
 
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
@@ -13,6 +12,7 @@ from bayesgrasp.evaluation.shifts import find_shift
 from bayesgrasp.evaluation.strategies import SearchConfig
 from bayesgrasp.evaluation.tables import markdown
 from bayesgrasp.files import check_target, write_json
+from bayesgrasp.lift.lift_config import EngineName
 from bayesgrasp.posterior.ascent import AscentConfig
 from bayesgrasp.workflows.evaluate import Evaluation
 from bayesgrasp.workflows.load import DEFAULT_MODEL
@@ -26,7 +26,7 @@ def benchmark(
     strategies: tuple[str, ...] = (),
     starts: int = 1,
     steps: int = 20,
-    engine: Literal["mujoco", "pybullet"] | None = None,
+    engine: EngineName | None = None,
     shift: str = "none",
     workers: int = os.cpu_count() or 1,
     json: Path | None = None,

@@ -18,7 +18,7 @@ from bayesgrasp.evaluation.trial_counts import count_trials
 from bayesgrasp.files import check_target, write_json
 from bayesgrasp.generation.trials import Priors, Simulation, Trials
 from bayesgrasp.lift.bullet.client import require
-from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_config import EngineName, LiftTestConfig
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.types import Outcome
@@ -35,7 +35,7 @@ def simulate(
     workers: int = os.cpu_count() or 1,
     screening: bool = True,
     rotation: Literal["modes", "uniform"] = "modes",
-    engine: Literal["mujoco", "pybullet"] = "mujoco",
+    engine: EngineName = "mujoco",
     criterion: Literal["lift", "hold"] = "lift",
     json: Path | None = None,
     video: Path | None = None,

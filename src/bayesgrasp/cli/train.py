@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 
 from bayesgrasp.cli.progress import training
 from bayesgrasp.ratio.model import Role
-from bayesgrasp.training.losses import LossConfig
+from bayesgrasp.training.losses import Criterion, LossConfig
+from bayesgrasp.training.presets import PresetName
 from bayesgrasp.training.train_estimator import TrainConfig
 from bayesgrasp.workflows.train import TrainOptions
 from bayesgrasp.workflows.train import train as run
@@ -19,13 +20,13 @@ from bayesgrasp.workflows.train import train as run
 def train(
     data: Path,
     out: Path,
-    preset: Literal["paper", "best"] = "best",
+    preset: PresetName = "best",
     estimators: tuple[Role, ...] = (),
     epochs: int = 20,
     batch_size: int = 16,
     learning_rate: float = 1e-3,
     patience: int = 5,
-    criterion: Literal["nre-a", "balanced", "nre-c"] = "nre-a",
+    criterion: Criterion = "nre-a",
     bf16: bool = True,
     seed: int = 0,
     device: str = "cpu",

@@ -18,12 +18,10 @@ from bayesgrasp.depth.devices import SensorConfig
 from bayesgrasp.depth.kinect import KinectConfig
 from bayesgrasp.depth.stereo import StereoConfig
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.lift.lift_config import LiftTestConfig
+from bayesgrasp.lift.lift_config import EngineName, LiftTestConfig
 from bayesgrasp.prior.nuisance import NuisancePrior
 from bayesgrasp.prior.ranges import Interval
 from bayesgrasp.types import Nuisances, Scenes
-
-Engine = Literal["mujoco", "pybullet"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Shift:
     """
 
     name: str
-    engine: Engine = "mujoco"
+    engine: EngineName = "mujoco"
     mass: float = 1.0
     friction: float | None = None
     sensor: Literal["kinect", "stereo"] = "kinect"
@@ -111,7 +109,7 @@ SHIFTS: dict[str, Shift] = {
 """The scales, and most of the masses, lie outside their priors, which are 0.9 to 1.1 for both."""
 
 
-def find_shift(name: str, engine: Engine | None = None) -> Shift:
+def find_shift(name: str, engine: EngineName | None = None) -> Shift:
     """A shift by name, in another engine if one is given.
 
     Raises:

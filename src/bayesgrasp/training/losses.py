@@ -15,6 +15,7 @@ Every mean is a weighted mean: sum(w x) / sum(w).
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -23,7 +24,8 @@ from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
 
-CRITERIA = ("nre-a", "balanced", "nre-c")
+Criterion = Literal["nre-a", "balanced", "nre-c"]
+CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
 
 
 @dataclass(frozen=True)

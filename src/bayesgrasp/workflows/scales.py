@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bayesgrasp.ratio.model import Role
+from bayesgrasp.training.presets import PresetName
+from bayesgrasp.workflows.practise import Practised
 
 ScaleName = Literal["small", "full"]
 
@@ -15,12 +17,12 @@ class Round:
     """Practice, and the training that learns from it.
 
     Attributes:
-        estimator: Which one proposes, and is trained further: success or full.
+        estimator: Which one proposes, and is trained further.
         scenes, copies: See `bayesgrasp practice`.
         epochs, learning_rate: Of the further training; it learns from the data and from all practice so far.
     """
 
-    estimator: Literal["success", "full"]
+    estimator: Practised
     scenes: int
     copies: int
     epochs: int
@@ -50,7 +52,7 @@ class Scale:
     proposal: Literal["prior", "adaptive"]
     attempts_per_draw: int
     scenes_per_draw: int
-    preset: Literal["paper", "best"]
+    preset: PresetName
     estimators: tuple[Role, ...]
     epochs: dict[Role, int]
     batch_size: int
