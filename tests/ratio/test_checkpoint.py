@@ -17,7 +17,7 @@ from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.ratio.card import CARD, read_card, write_card
 from bayesgrasp.ratio.checkpoint import Origin, join_models, load_model, save_model
-from bayesgrasp.ratio.estimators import SuccessRatioConfig
+from bayesgrasp.ratio.estimators import FullConfig, SuccessRatioConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.local import LocalConfig
 from bayesgrasp.ratio.model import GraspModel
@@ -159,6 +159,15 @@ def test_an_entry_of_another_name_type_or_range_is_refused(
             read(directory)
         assert len(str(refused.value)) < 400
         assert str(refused.value).isprintable()
+
+
+def test_as_many_objects_as_the_full_estimator_knows(tmp_path: Path) -> None:
+    full = initialised(lambda: build("full", FullConfig(objects=2, widths=(8,))), 0)
+    save_model(tmp_path, {"full": full}, Origin(HAND, objects=("mug", "bowl")))
+    load_model(tmp_path)
+    edit(tmp_path, objects=["mug"])
+    with pytest.raises(CheckpointError, match="names 1 objects, its full estimator knows 2"):
+        load_model(tmp_path)
 
 
 def test_an_altered_card_is_refused(directory: Path) -> None:

@@ -14,6 +14,7 @@ from bayesgrasp.ratio.estimators import ImageConfig, SuccessRatioConfig
 from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.layers import ConvConfig
 from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.seeding import generator
 from bayesgrasp.training.objectives import ImageObjective, SuccessRatioObjective
 from bayesgrasp.training.sources import Source, Sources
 from bayesgrasp.training.train_estimator import (
@@ -88,6 +89,26 @@ def test_another_run_s_state_is_refused(make: Build, source: Source, tmp_path: P
     train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, epochs=1), state_file=state)
     with pytest.raises(CheckpointError, match="another run"):
         train_estimator(make, OBJECTIVE, both(source), CONFIG, state_file=state, resume=True)
+
+
+def test_the_state_of_other_data_of_the_same_size_is_refused(make: Build, source: Source, tmp_path: Path) -> None:
+    state = tmp_path / "state.safetensors"
+    train_estimator(make, OBJECTIVE, replace(both(source), identity="one"), CONFIG, state_file=state)
+    with pytest.raises(CheckpointError, match=r"it was saved with 'one'.*, this run has 'two'") as refused:
+        train_estimator(make, OBJECTIVE, replace(both(source), identity="two"), CONFIG, state_file=state, resume=True)
+    assert len(str(refused.value)) < 400
+
+
+def test_no_flipped_bit_of_a_state_passes(make: Build, source: Source, tmp_path: Path) -> None:
+    state = tmp_path / "state.safetensors"
+    train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, epochs=1), state_file=state)
+    whole = state.read_bytes()
+    for number in range(40):
+        place, bit = divmod(int(generator(number).integers(8 * len(whole))), 8)
+        state.write_bytes(whole[:place] + bytes([whole[place] ^ (1 << bit)]) + whole[place + 1 :])
+        with pytest.raises(CheckpointError) as refused:
+            train_estimator(make, OBJECTIVE, both(source), replace(CONFIG, epochs=1), state_file=state, resume=True)
+        assert len(str(refused.value)) < 400
 
 
 @pytest.mark.parametrize("content", [b"", b"not a state", b"\x08\x00\x00\x00\x00\x00\x00\x00{}      "])

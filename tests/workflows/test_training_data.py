@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import fake_world
 import pytest
 from training_set import CONFIG, MANIFEST, make_training_set
 
@@ -41,8 +42,17 @@ def practice(tmp_path_factory: pytest.TempPathFactory) -> list[GraspDataset]:
 @pytest.fixture(scope="module")
 def blind(tmp_path_factory: pytest.TempPathFactory) -> GraspDataset:
     """Practice whose hands knew nothing; its 20 draws a chunk are enough for all splits."""
-    manifest = replace(BASE, config=CONFIG | {"practice": {"given": "nothing"}})
+    manifest = replace(MANIFEST, config=CONFIG | {"practice": {"given": "nothing"}})
     return made(tmp_path_factory.mktemp("blind") / "data", manifest)
+
+
+def test_the_data_of_an_estimator_are_named_by_all_its_files(base: GraspDataset, practice: list[GraspDataset]) -> None:
+    """So that a saved state does not go on with other data of the same size."""
+    parts = preset("paper", Setup(objects=fake_world.OBJECTS), ("image",))
+    sets = (base, []), (practice[2], []), (base, practice[:1]), (base, practice[2:])
+    named = [sources_by_role(parts, one, more, 4, 0)["image"].identity for one, more in sets]
+    assert len({*named, ""}) == 5
+    assert named[0] == sources_by_role(parts, GraspDataset(base.store.directory), [], 4, 0)["image"].identity
 
 
 def batches(base: GraspDataset, practice: list[GraspDataset], role: Role) -> int:

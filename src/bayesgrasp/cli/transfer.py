@@ -10,6 +10,7 @@ from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
 from bayesgrasp.evaluation.strategies import STRATEGIES
 from bayesgrasp.evaluation.transfer import markdown_transfer
+from bayesgrasp.locks import sole_writer
 from bayesgrasp.workflows.evaluate import Evaluation, Transfer, shifts_named
 from bayesgrasp.workflows.load import DEFAULT_MODEL
 
@@ -59,9 +60,10 @@ def transfer(
     )
     print_skipped(evaluation)
     losses = Transfer(evaluation, out)
-    for shift in named:
-        with benchmarking(attempts, shift.name) as progress:
-            directory = losses.run(shift, attempts, workers, resume=resume, progress=progress)
-        print(f"wrote {directory}")
-    print(markdown_transfer(losses.write()), end="")
+    with sole_writer(out):
+        for shift in named:
+            with benchmarking(attempts, shift.name) as progress:
+                directory = losses.run(shift, attempts, workers, resume=resume, progress=progress)
+            print(f"wrote {directory}")
+        print(markdown_transfer(losses.write()), end="")
     print(f"wrote {out}")

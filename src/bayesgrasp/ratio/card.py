@@ -61,6 +61,7 @@ def read_card(directory: Path) -> dict[str, Any]:
     except ValueError as error:
         raise CheckpointError(f"the card {path}: {error}; take the model from where it came, or train again") from error
     _check_entries(card, path)
+    _check_objects(card, path)
     return card
 
 
@@ -99,6 +100,16 @@ def _check_entries(card: Mapping[str, Any], path: Path) -> None:
                 raise CheckpointError(f"{name} must be {what}, got {shown(value)}")
     except BayesgraspError as error:
         raise CheckpointError(f"the card {path}: {error}") from error
+
+
+def _check_objects(card: Mapping[str, Any], path: Path) -> None:
+    """The full-observation estimator is told an object by its number, which must not be beyond those it knows."""
+    known = card["estimators"].get("full", {}).get("config", {})
+    named = card.get("objects", ())
+    if named and isinstance(known, dict) and known.get("objects", len(named)) != len(named):
+        raise CheckpointError(
+            f"the card {path} names {len(named)} objects, its full estimator knows {shown(known['objects'])}"
+        )
 
 
 def _is_word(value: Any) -> bool:

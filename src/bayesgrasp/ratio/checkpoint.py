@@ -18,8 +18,7 @@ from torch.overrides import TorchFunctionMode
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.files import make_directory
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.ratio.card import SCHEMA, check_card, write_card
-from bayesgrasp.ratio.card import read_card as read_card  # for its callers
+from bayesgrasp.ratio.card import SCHEMA, check_card, read_card, write_card
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
 from bayesgrasp.ratio.tensor_file import (

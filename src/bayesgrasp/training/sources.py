@@ -37,10 +37,13 @@ class Sources:
     Attributes:
         training: To learn from.
         held_out: Draws that are never learned from, for early stopping and for the checks; epoch 0 of them is used.
+        identity: A name for the very data; a saved state of training goes on with no other. Empty where nothing is
+            saved.
     """
 
     training: Source
     held_out: Source
+    identity: str = ""
 
 
 @dataclass(frozen=True)

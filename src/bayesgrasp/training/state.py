@@ -5,6 +5,7 @@ tensors, the counters as JSON in the header. It is written beside its place and 
 whole file. No random state is needed: draws are addressed by step (`train_estimator.py`).
 """
 
+import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -25,7 +26,7 @@ class TrainingState:
     """Counters of a run.
 
     Attributes:
-        fingerprint: Of configuration, objective and size of the data; a state is only resumed by the same run.
+        fingerprint: Of configuration, objective and data; a state is only resumed by the same run.
         epoch: The epoch in progress.
         step: Steps done in it.
         loss_sum: Sum of the losses of these steps.
@@ -56,7 +57,7 @@ def save_state(
         tensors |= {f"{prefix}.{name}": value for name, value in module.state_dict().items()}
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in moments.items()}
-    write_tensors(path, tensors, {"state": json.dumps(asdict(state))})
+    write_tensors(path, tensors, {"state": json.dumps(asdict(state)), "sha256": _digest(tensors)})
 
 
 def load_state(
@@ -77,15 +78,33 @@ def load_state(
         state = restored(TrainingState, parsed_json(metadata["state"]))
     except (KeyError, ValueError) as error:
         raise CheckpointError(f"{path} is not a saved training state: {clipped(error)}") from error
+    if metadata.get("sha256") != _digest(tensors):
+        raise CheckpointError(f"{path} was damaged or altered after it was saved; take it away to train from the start")
     if state.fingerprint != fingerprint:
         raise CheckpointError(
-            f"{path} belongs to another run: it was saved with {state.fingerprint}, this run has {fingerprint}; "
-            "use the same options, or another output directory"
+            f"{path} belongs to another run: {_difference(state.fingerprint, fingerprint)}; use the same options and "
+            "the same data, or another output directory"
         )
     for prefix, module in zip(MODULES, (estimator, averaged, best), strict=True):
         load_weights(module, _below(tensors, prefix), path)
     _load_moments(optimizer, _below(tensors, "optimizer"))
     return state
+
+
+def _digest(tensors: dict[str, Tensor]) -> str:
+    """SHA-256 of names and values."""
+    found = hashlib.sha256()
+    for name in sorted(tensors):
+        found.update(name.encode())
+        found.update(tensors[name].detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    return found.hexdigest()
+
+
+def _difference(there: str, here: str) -> str:
+    """The first place where two fingerprints differ, in words."""
+    same = next((i for i, (a, b) in enumerate(zip(there, here, strict=False)) if a != b), min(len(there), len(here)))
+    start = max(there.rfind(",", 0, same), there.rfind("(", 0, same)) + 1
+    return f"it was saved with {clipped(there[start:], 60)}, this run has {clipped(here[start:], 60)}"
 
 
 def _below(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -195,7 +195,7 @@ def train_estimator(
     if len(sources.training) == 0:
         raise DataError("there are no training scenes: an epoch needs at least one batch")
     run = _Run(initialised(build, config.seed).to(device), objective, config, device, len(sources.training))
-    described = (config, objective, run.steps, getattr(run.estimator, "config", None))
+    described = (config, objective, run.steps, getattr(run.estimator, "config", None), sources.identity)
     state = TrainingState(fingerprint=repr(described))
     if resume and state_file is not None and state_file.exists():
         state = load_state(state_file, state.fingerprint, run.estimator, run.averaged, run.best, run.optimizer)

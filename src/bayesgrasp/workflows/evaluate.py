@@ -17,8 +17,9 @@ from bayesgrasp.evaluation.strategies import STRATEGIES, SearchConfig
 from bayesgrasp.evaluation.tables import markdown, markdown_per_object, summarize
 from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
 from bayesgrasp.files import write_json, write_text
+from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.ratio.checkpoint import read_card
+from bayesgrasp.ratio.card import read_card
 from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import save_film
 from bayesgrasp.workflows.load import load_planner, load_trained
@@ -117,10 +118,14 @@ class Evaluation:
             known: Results without the shift; hands that the shift cannot change are taken from them.
 
         Raises:
+            FileError: Another process is writing to ``out``, or the disk is full.
             DataError: There is a run in ``out`` already, or another one.
         """
-        journal = None if out is None else Journal(out, self.benchmark.identity(self.card), resume)
-        return run(self.benchmark, attempts, workers, journal, progress, known)
+        if out is None:
+            return run(self.benchmark, attempts, workers, None, progress, known)
+        with sole_writer(out):
+            journal = Journal(out, self.benchmark.identity(self.card), resume)
+            return run(self.benchmark, attempts, workers, journal, progress, known)
 
     @property
     def origin(self) -> dict[str, Any]:

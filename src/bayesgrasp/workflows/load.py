@@ -7,23 +7,27 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
-from bayesgrasp.errors import CheckpointError
+from bayesgrasp.errors import CheckpointError, clipped
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.familiarity import Familiarity
 from bayesgrasp.observation.surface import SurfaceReader
+from bayesgrasp.plain_data import restored
 from bayesgrasp.planning.observing import Observer
 from bayesgrasp.planning.planner import Planner, PlannerConfig, TrainedLikelihood
 from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import load_model
+from bayesgrasp.ratio.kinds import LIMITS
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.robot.arm import ur5
 from bayesgrasp.robot.arm_over_table import ArmOverTable
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
+from bayesgrasp.types import Hands
 
 DEFAULT_MODEL = Path(__file__).parents[1] / "weights"
 """The trained model that comes with the package."""
@@ -40,6 +44,7 @@ def load_planner(model: Path | str | None = None, config: PlannerConfig | None =
         CheckpointError: The model is missing, damaged, or was trained for another gripper, camera or schema.
     """
     gripper, trained = robotiq_3f(), load_trained(model)
+    _check_answers(trained)
     familiarity = trained.card.get("familiarity")
     known = None if familiarity is None else Familiarity.from_dict(familiarity)
     return Planner(
@@ -56,14 +61,30 @@ def load_trained(model: Path | str | None = None) -> GraspModel:
     return load_model(DEFAULT_MODEL if model is None else Path(model), gripper=robotiq_3f().name)
 
 
+def _check_answers(model: GraspModel) -> None:
+    """Refuse a model whose card and weights fit one another but not the images that a planner has.
+
+    Raises:
+        CheckpointError: It cannot be asked about an empty image, or its answer is no number.
+    """
+    camera = network_camera()
+    hand = Hands(torch.tensor([[0.0, 0.0, 0.2]]), torch.eye(3)[None], torch.zeros(1, dtype=torch.int64))
+    try:
+        with torch.no_grad():
+            answer = model.given_image(torch.zeros(1, camera.height, camera.width))(hand)
+    except RuntimeError as error:  # shapes that do not fit
+        raise CheckpointError(
+            f"the model does not take images of {camera.width} x {camera.height} pixels: {clipped(error)}"
+        ) from error
+    if not bool(answer.isfinite().all()):
+        raise CheckpointError("the model does not answer with numbers: its weights are those of no trained model")
+
+
 def trained_prior(card: Mapping[str, Any]) -> GraspPrior:
     """The prior over hands that a model was trained with."""
-    content: dict[str, Any] = {
-        name: tuple(v) if isinstance(v, list) else v for name, v in card.get("prior", {}).items()
-    }
     try:
-        return GraspPrior(**content)
-    except TypeError as error:
+        return restored(GraspPrior, card.get("prior", {}), LIMITS)
+    except ValueError as error:
         raise CheckpointError(f"the prior in the model's card cannot be read: {error}") from error
 
 

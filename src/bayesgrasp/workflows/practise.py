@@ -25,7 +25,7 @@ from bayesgrasp.posterior.potential import LogDensity, Prior
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.ratio.checkpoint import read_card
+from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands

@@ -19,10 +19,12 @@ from bayesgrasp.evaluation.figures import plot_prior
 from bayesgrasp.files import write_json
 from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import LocalPool
+from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.objects.stretch import StretchConfig
-from bayesgrasp.ratio.checkpoint import join_models, read_card
+from bayesgrasp.ratio.card import read_card
+from bayesgrasp.ratio.checkpoint import join_models
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.training.train_estimator import TrainConfig
@@ -61,12 +63,14 @@ def reproduce(
 
     Raises:
         InvalidConfigurationError: The directory holds another experiment.
+        FileError: Another process is writing to it.
     """
     watcher = watcher or Watcher()
     experiment = Experiment(out, SCALES[scale], seed, workers, device, ycb_dir, watcher)
-    stages = Stages(out, {"scale": scale, "settings": asdict(SCALES[scale]), "seed": seed})
-    for name, work in experiment.stages().items():
-        stages.run(name, work, watcher)
+    with sole_writer(out):
+        stages = Stages(out, {"scale": scale, "settings": asdict(SCALES[scale]), "seed": seed})
+        for name, work in experiment.stages().items():
+            stages.run(name, work, watcher)
     return out / "report.html"
 
 

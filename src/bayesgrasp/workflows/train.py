@@ -11,6 +11,7 @@ import torch
 
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
+from bayesgrasp.locks import sole_writer
 from bayesgrasp.ratio.card import CARD
 from bayesgrasp.ratio.checkpoint import load_model, save_model
 from bayesgrasp.ratio.model import POWER, Role
@@ -83,6 +84,7 @@ def train(
         Losses, schedule, checks and time of each estimator, by role, as the card has them.
 
     Raises:
+        FileError: Another process is writing to ``out``, or the disk is full.
         CheckpointError: There is a run in ``out`` already, or its state is of another run, or ``start`` is no model.
         DataError: There is no data set, or not enough in it.
         InvalidConfigurationError: The device cannot be used.
@@ -90,23 +92,25 @@ def train(
     out, options = Path(out), options or TrainOptions()
     if not resume and ((out / STATE).exists() or (out / CARD).exists()):
         raise CheckpointError(f"{out} holds a run already: give --resume to go on with it, or another directory")
-    dataset = GraspDataset(data)
-    parts = options.parts_for(dataset)
-    sets = [GraspDataset(directory) for directory in practice]
+    dataset, device = GraspDataset(data), usable_device(device)
+    parts, sets = options.parts_for(dataset), [GraspDataset(directory) for directory in practice]
+    sources = sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed)
     origin = origin_of(dataset)
     extra: dict[str, Any] = {"preset": options.preset, "familiarity": familiarity_of(dataset)}
-    trained = train_model(
-        parts,
-        sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed),
-        trained_prior({"prior": origin.prior}),
-        start=None if start is None else load_model(start, gripper=dataset.manifest.gripper).estimators,
-        device=usable_device(device),
-        states=out / STATE,
-        callback=progress,
-    )
-    if trained.power:
-        extra[POWER] = dict(trained.power)
-    save_model(out, trained.estimators, origin, trained.metrics, extra)
+    begin = None if start is None else load_model(start, gripper=dataset.manifest.gripper).estimators
+    with sole_writer(out):
+        trained = train_model(
+            parts,
+            sources,
+            trained_prior({"prior": origin.prior}),
+            start=begin,
+            device=device,
+            states=out / STATE,
+            callback=progress,
+        )
+        if trained.power:
+            extra[POWER] = dict(trained.power)
+        save_model(out, trained.estimators, origin, trained.metrics, extra)
     return trained.metrics
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -58,7 +59,10 @@ def sources_by_role(
     Raises:
         DataError: The data set is too small, or an estimator cannot learn from a set of practice.
     """
-    return {part.role: _sources(part, dataset, practice, batch_size, seed) for part in parts}
+    identity = " ".join(one.fingerprint for one in (dataset, *practice))
+    return {
+        part.role: replace(_sources(part, dataset, practice, batch_size, seed), identity=identity) for part in parts
+    }
 
 
 def _sources(
