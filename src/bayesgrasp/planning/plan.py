@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from bayesgrasp.planning.constraints import Constraints
 from bayesgrasp.planning.observing import Observed, Pose
 from bayesgrasp.posterior.posterior import Posterior
 from bayesgrasp.posterior.sampling import PosteriorSample
@@ -90,6 +91,7 @@ class Plan:
         grasps: Ranked, best first.
         reason: Why there is none, in words; None where there is one.
         observed: What was made of the image: frames, measured points, familiarity.
+        constraints: What the grasps had to keep to.
         posterior: p(h | S=1, i), world frame; None where there is nothing to grasp.
         samples: Draws from it, where asked for.
         timings_ms: Wall-clock time of each stage, and `total`.
@@ -98,6 +100,7 @@ class Plan:
     grasps: tuple[Grasp, ...]
     reason: str | None
     observed: Observed
+    constraints: Constraints
     posterior: Posterior | None
     samples: PosteriorSample | None
     timings_ms: dict[str, float]
@@ -108,7 +111,7 @@ class Plan:
         return self.observed.warnings
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data."""
+        """As plain data; with `constraints` where there were any."""
         return {
             "grasps": [grasp.to_dict() for grasp in self.grasps],
             "reason": self.reason,
@@ -117,6 +120,7 @@ class Plan:
             "camera_to_world": self.observed.camera_to_world.tolist(),
             "posterior": _sample_to_dict(self.samples),
             "timings_ms": self.timings_ms,
+            **({"constraints": self.constraints.to_dict()} if self.constraints.any else {}),
         }
 
 

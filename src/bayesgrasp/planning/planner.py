@@ -19,8 +19,9 @@ from torch import Tensor
 from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.observation.user_camera import Intrinsics, check_depth, to_camera
+from bayesgrasp.planning.constraints import UNCONSTRAINED, ConstraintCheck, Constraints
 from bayesgrasp.planning.observing import Observed, Observer, Stopwatch
-from bayesgrasp.planning.plan import Plan
+from bayesgrasp.planning.plan import Grasp, Plan
 from bayesgrasp.planning.search import SearchConfig, search
 from bayesgrasp.planning.selection import Robot, Selection, SelectionConfig
 from bayesgrasp.posterior.importance import Weighted, estimate_evidence, weigh
@@ -87,6 +88,7 @@ class Planner:
         *,
         top: int = 5,
         samples: int = 0,
+        constraints: Constraints = UNCONSTRAINED,
         seed: Seed = 0,
     ) -> Plan:
         """Plan grasps for one image.
@@ -98,17 +100,24 @@ class Planner:
                 object are found in the image and the world frame is put there.
             top: Number of grasps.
             samples: Number of draws from the posterior; none by default.
+            constraints: What the grasps must keep to, world frame; the posterior does not depend on them.
             seed: Of all random draws, or where they come from; the same seed gives the same plan.
 
         Raises:
             DepthImageError: The image or the camera is not usable.
         """
-        wanted = _Wanted(top, samples)
+        wanted = _Wanted(top, samples, constraints)
         rng = generator_of(seed, Stream.PLAN)
         return self._answer(*_checked(depth, intrinsics, camera_to_world), wanted, rng)
 
     def plan_many(
-        self, images: Iterable[tuple[np.ndarray, Intrinsics]], *, top: int = 5, samples: int = 0, seed: int = 0
+        self,
+        images: Iterable[tuple[np.ndarray, Intrinsics]],
+        *,
+        top: int = 5,
+        samples: int = 0,
+        constraints: Constraints = UNCONSTRAINED,
+        seed: int = 0,
     ) -> tuple[Plan, ...]:
         """Plan grasps for several images, each a depth image with its camera.
 
@@ -119,12 +128,13 @@ class Planner:
             images: Pairs of what `plan` takes as `depth` and `intrinsics`.
             top: Number of grasps for each.
             samples: Number of draws from each posterior.
+            constraints: What all grasps must keep to.
             seed: Of all random draws for each.
 
         Raises:
             DepthImageError: An image or a camera is not usable; the message has its number, from 0.
         """
-        wanted, checked = _Wanted(top, samples), []
+        wanted, checked = _Wanted(top, samples, constraints), []
         for number, (depth, intrinsics) in enumerate(images):
             try:
                 checked.append(_checked(depth, intrinsics, None))
@@ -163,17 +173,26 @@ class Planner:
         watch = Stopwatch()
         observed = self.observer.observe(depth, camera, rng, watch)
         if observed.problem is not None:
-            return Plan((), observed.problem, observed, None, None, watch.stop())
+            return Plan((), observed.problem, observed, wanted.constraints, None, None, watch.stop())
         posterior, drawn = self._infer(observed, rng, watch)
         with watch.stage("search"):
-            candidates = search(posterior, drawn, self.config.search)
-        with watch.stage("reach"):
-            grasps, reason = Selection(self.robot, observed, self.config.selection).select(candidates, wanted.top)
+            check = self._check(wanted.constraints, observed)
+            candidates, reason = search(posterior, drawn, self.config.search, check, rng)
+        grasps: tuple[Grasp, ...] = ()
+        if candidates is not None:
+            with watch.stage("reach"):
+                grasps, reason = Selection(self.robot, observed, self.config.selection).select(candidates, wanted.top)
         samples = None
         if wanted.samples:
             with watch.stage("samples"):
                 samples = posterior.sample(wanted.samples, rng)
-        return Plan(grasps, reason, observed, posterior, samples, watch.stop())
+        return Plan(grasps, reason, observed, wanted.constraints, posterior, samples, watch.stop())
+
+    def _check(self, constraints: Constraints, observed: Observed) -> ConstraintCheck | None:
+        if not constraints.any:
+            return None
+        standoff = self.config.selection.standoff
+        return ConstraintCheck(constraints, self.robot.hand, standoff, observed.workspace_to_world)
 
     def _infer(self, observed: Observed, rng: np.random.Generator, watch: Stopwatch) -> tuple[Posterior, Weighted]:
         """The posterior of an image, and the draws from the prior behind its constant."""
@@ -200,6 +219,7 @@ class _Wanted:
 
     top: int
     samples: int
+    constraints: Constraints
 
     def __post_init__(self) -> None:
         if self.top < 1 or self.samples < 0:

@@ -16,13 +16,13 @@ kept as the three derivatives along R exp([w]_x): the vector of 2 skew(R^T G), i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from bayesgrasp.geometry import so3
@@ -64,35 +64,37 @@ class Prior(Protocol):
 
 @dataclass(frozen=True)
 class Potential:
-    """Negative sum of log-densities, restricted to a box of positions.
+    """Negative sum of log-densities, restricted to a box of positions and to allowed hands.
 
     Attributes:
         terms: The log-densities that are added up.
         box: Where it is finite.
         weights: For each term, a factor for each row of a batch, or None for 1; all 1 if empty.
+        allowed: Which hands of a batch (n,) it is finite at; None for all.
         chunk: Largest number of hands that is evaluated at once.
     """
 
     terms: tuple[LogDensity, ...]
     box: Box
     weights: tuple[Float[Tensor, "n"] | None, ...] = ()
+    allowed: Callable[[Hands], Bool[Tensor, "n"]] | None = None
     chunk: int = 8192
 
     def value(self, hands: Hands) -> Float[Tensor, "*batch"]:
-        """Values f(h), without gradient; +inf outside the box."""
+        """Values f(h), without gradient; +inf where it is not finite."""
         flat = _flatten(hands)
         with torch.no_grad():
             parts = [-self.of(rows)._log_density(flat[rows]) for rows in _chunks(len(flat.grasp_type), self.chunk)]
-        return torch.where(self.box.contains(hands.position), torch.cat(parts).reshape(hands.shape), torch.inf)
+        return torch.where(self._inside(hands), torch.cat(parts).reshape(hands.shape), torch.inf)
 
     def value_and_grad(self, hands: Hands) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 6"]]:
         """Values and derivatives along the manifold.
 
         Returns:
-            f(h), +inf outside the box; and (df/dx in 1/m, df/dw in 1/rad) with R exp([w]_x), w in the hand frame.
+            f(h), +inf where not finite; and (df/dx in 1/m, df/dw in 1/rad) with R exp([w]_x), w in the hand frame.
         """
         value, by_position, by_rotation = value_and_euclidean_grad(self._log_density, hands)
-        value = torch.where(self.box.contains(hands.position), -value, torch.inf)
+        value = torch.where(self._inside(hands), -value, torch.inf)
         return value, torch.cat([-by_position, -2 * so3.vee(hands.rotation.mT @ by_rotation)], -1)
 
     def of(self, rows: slice | Int[Tensor, "m"]) -> Potential:
@@ -100,6 +102,10 @@ class Potential:
         if not self.weights:
             return self
         return replace(self, weights=tuple(None if weight is None else weight[rows] for weight in self.weights))
+
+    def _inside(self, hands: Hands) -> Bool[Tensor, "*batch"]:
+        inside = self.box.contains(hands.position)
+        return inside if self.allowed is None else inside & self.allowed(_flatten(hands)).reshape(hands.shape)
 
     def _log_density(self, hands: Hands) -> Tensor:
         weights = self.weights or (None,) * len(self.terms)

@@ -19,6 +19,8 @@ from bayesgrasp.robot.gripper import GripperDescription, Link, Shape
 from bayesgrasp.types import GraspType
 
 Points = Float64[np.ndarray, "n 3"]
+CoveringBoxes = tuple[Float64[np.ndarray, "shapes 3"], Float64[np.ndarray, "shapes 3 3"]]
+"""Centres of boxes, and their half axes as rows, hand frame, metres."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,12 @@ class Placed:
         """Half extents and radius, metres; see `clearance_kernels`."""
         size = np.array(self.shape.size)
         return (size, 0.0) if self.shape.kind == "box" else (np.array([0.0, 0.0, size[1]]), float(size[0]))
+
+    def half_axes(self) -> Float64[np.ndarray, "3 3"]:
+        """From the middle of a box around the shape to its faces, one row each, hand frame, metres."""
+        extents, radius = self.rounded_box
+        axes: Float64[np.ndarray, "3 3"] = (extents + radius)[:, None] * self.shape_to_hand[:3, :3].T
+        return axes
 
     def corners(self) -> Float64[np.ndarray, "8 3"]:
         """Corners of a box around the shape, hand frame, metres."""
@@ -79,6 +87,14 @@ class OpenHand:
         x, y, z = points.T
         between: np.ndarray = (x > 0) & (x < reach) & (np.abs(y) < across) & (np.abs(z) < beside)
         return between
+
+    @cached_property
+    def covering_boxes(self) -> dict[GraspType, CoveringBoxes]:
+        """Boxes around all shapes, by grasp type."""
+        return {
+            t: (np.stack([p.shape_to_hand[:3, 3] for p in shapes]), np.stack([p.half_axes() for p in shapes]))
+            for t, shapes in self.shapes.items()
+        }
 
     @cached_property
     def _corners(self) -> dict[GraspType, Points]:
