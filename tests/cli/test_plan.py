@@ -67,6 +67,44 @@ def test_plan_prints_ranked_grasps_and_writes_json_and_figure(files, tmp_path, c
         assert {len(q) for q in joints} == {6}
 
 
+def test_limits_are_kept_and_echoed(files, tmp_path, capsys) -> None:
+    box = ("-0.4", "-0.4", "0", "0.4", "-0.12", "0.6")
+    limits = ("--types", "pinch", "wide", "--lowest", "-0.002", "--keep-out", *box)
+    command(files, *limits, "--keep-out", *["0.3", "0", "0", "0.4", "1", "1"], "--json", str(tmp_path / "plan.json"))
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["constraints"] == {
+        "keep_out": [
+            {"low": [-0.4, -0.4, 0.0], "high": [0.4, -0.12, 0.6]},
+            {"low": [0.3, 0.0, 0.0], "high": [0.4, 1.0, 1.0]},
+        ],
+        "lowest": -0.002,
+        "grasp_types": ["pinch", "wide"],
+    }
+    assert content["grasps"]
+    assert {grasp["grasp_type"] for grasp in content["grasps"]} <= {"pinch", "wide"}
+    assert all(grasp["position"][1] > -0.12 for grasp in content["grasps"])
+
+
+def test_limits_that_leave_nothing_are_a_reason(files, capsys) -> None:
+    command(files, "--lowest", "0.8")
+    assert "no grasp: no hand keeps the constraints" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--keep-out", "0", "0", "0", "1", "1", "-1"), "error: box needs low < high"),
+        (("--device", "abacus"), "error: the device 'abacus' cannot be used; valid: cpu, and cuda"),
+        (("--device", "meta"), "error: the device 'meta' cannot be used"),
+    ],
+)
+def test_limits_and_devices_that_cannot_be_are_refused(files, capsys, options, words) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        command(files, *options)
+    assert stopped.value.code == 2
+    assert words in capsys.readouterr().err
+
+
 def test_an_empty_table_is_an_answer_with_a_reason(files, tmp_path, capsys) -> None:
     command(files, "--json", str(tmp_path / "plan.json"), depth="empty.npy")
     content = json.loads((tmp_path / "plan.json").read_text())

@@ -2,29 +2,95 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.files import check_target, write_json
+from bayesgrasp.geometry.box import Box
 from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.observation.depth_files import read_depth
+from bayesgrasp.planning.constraints import EVERY_TYPE, Constraints
 from bayesgrasp.planning.figure import save_plan_figure
 from bayesgrasp.planning.plan import Plan
+from bayesgrasp.types import GraspType
 from bayesgrasp.workflows.load import load_planner
 
 FIGURE_SAMPLES = 2000
 """Draws behind the marginals of a figure."""
+Corners = tuple[float, float, float, float, float, float]
+"""Lower and upper corner of a box."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for.
+
+    Attributes:
+        top: How many grasps.
+        samples: How many draws from the posterior; 0 for none (2000 for a figure).
+        seed: Same seed, same plan.
+    """
+
+    top: int = 5
+    samples: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the grasps must keep to.
+
+    Attributes:
+        types: Grasp types that may be used; all by default.
+        lowest: No part of the open hand may be lower than this, metres above the table.
+        keep_out: A box x0 y0 z0 x1 y1 z1 that the open hand must not enter, on the whole straight way to the grasp;
+            metres, world frame. May be given several times.
+    """
+
+    types: tuple[Literal["basic", "wide", "pinch"], ...] = ()
+    lowest: float | None = None
+    keep_out: tyro.conf.UseAppendAction[tuple[Corners, ...]] = ()
+
+    def constraints(self) -> Constraints:
+        """The same for the planner."""
+        boxes = tuple(Box((x0, y0, z0), (x1, y1, z1)) for x0, y0, z0, x1, y1, z1 in self.keep_out)
+        types = tuple(GraspType[name.upper()] for name in self.types)
+        return Constraints(boxes, self.lowest, types or EVERY_TYPE)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Files to write.
+
+    Attributes:
+        json: Write the plan to this file.
+        figure: Draw the plan into this file (.png, .pdf or .svg).
+    """
+
+    json: Path | None = None
+    figure: Path | None = None
+
+    def check(self) -> None:
+        """Refuse before the work, not after it."""
+        for path in (self.json, self.figure):
+            if path is not None:
+                check_target(path)
+        if self.figure is not None and self.figure.suffix not in (".png", ".pdf", ".svg"):
+            raise InvalidConfigurationError(f"a figure ends in .png, .pdf or .svg, got {self.figure}")
 
 
 def plan(
     depth: Path,
     camera: Path,
     model: Path | None = None,
-    top: int = 5,
-    samples: int = 0,
-    seed: int = 0,
-    json: Path | None = None,
-    figure: Path | None = None,
+    device: str = "cpu",
+    wanted: Annotated[Wanted, tyro.conf.OmitArgPrefixes] = Wanted(),
+    limits: Annotated[Limits, tyro.conf.OmitArgPrefixes] = Limits(),
+    outputs: Annotated[Outputs, tyro.conf.OmitArgPrefixes] = Outputs(),
 ) -> None:
     """Plan grasps from a depth image.
 
@@ -34,22 +100,23 @@ def plan(
         depth: Depth image: 16-bit PNG (millimetres), or .npy or .npz; 0 = no return.
         camera: Camera file: JSON with `intrinsics` and, if known, `camera_to_world`.
         model: Directory of a trained model; by default the one that comes with the package.
-        top: How many grasps.
-        samples: How many draws from the posterior; 0 for none (2000 for a figure).
-        seed: Same seed, same plan.
-        json: Write the plan to this file.
-        figure: Draw the plan into this file (.png, .pdf or .svg).
+        device: Where to compute: cpu, cuda, or cuda:N.
+        wanted: What is asked for.
+        limits: What the grasps must keep to.
+        outputs: Files to write.
     """
-    _check_outputs(json, figure)
+    outputs.check()
+    constraints = limits.constraints()
     view = Camera.load(camera)
     image = read_depth(depth)
-    planner = load_planner(model)
-    answer = planner.plan(image, view, top=top, samples=samples or (FIGURE_SAMPLES if figure else 0), seed=seed)
+    planner = load_planner(model, device=device)
+    samples = wanted.samples or (FIGURE_SAMPLES if outputs.figure else 0)
+    answer = planner.plan(image, view, top=wanted.top, samples=samples, constraints=constraints, seed=wanted.seed)
     print(describe(answer))
-    if json is not None:
-        write_json(json, answer.to_dict())
-    if figure is not None:
-        save_plan_figure(figure, answer, image, view, planner.robot.hand)
+    if outputs.json is not None:
+        write_json(outputs.json, answer.to_dict())
+    if outputs.figure is not None:
+        save_plan_figure(outputs.figure, answer, image, view, planner.robot.hand)
 
 
 def describe(plan: Plan) -> str:
@@ -65,12 +132,3 @@ def describe(plan: Plan) -> str:
         )
     stages = ", ".join(f"{name} {ms:.0f}" for name, ms in plan.timings_ms.items() if name != "total")
     return "\n".join([*lines, f"planned in {plan.timings_ms['total']:.0f} ms ({stages})"])
-
-
-def _check_outputs(json: Path | None, figure: Path | None) -> None:
-    """Refuse before the work, not after it."""
-    for path in (json, figure):
-        if path is not None:
-            check_target(path)
-    if figure is not None and figure.suffix not in (".png", ".pdf", ".svg"):
-        raise InvalidConfigurationError(f"a figure ends in .png, .pdf or .svg, got {figure}")

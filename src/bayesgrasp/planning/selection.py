@@ -140,7 +140,7 @@ class Selection:
     def _repeats(self, hands: Hands, tried: list[int], index: int) -> bool:
         if not tried:
             return False
-        distance = self.config.space.distance(hands[index : index + 1], hands[torch.tensor(tried)])
+        distance = self.config.space.distance(hands[index : index + 1], hands[hands.grasp_type.new_tensor(tried)])
         return bool((distance < self.config.distinct).any())
 
     def _check(self, candidates: Candidates, index: int) -> Grasp | None:
@@ -203,7 +203,7 @@ def _levels(value: Float[Tensor, "n"], tie: float) -> Int[Tensor, "n"]:
     What is not a number is worse than every number.
     """
     value = value.nan_to_num(nan=-torch.inf)
-    level, left = torch.zeros(value.shape, dtype=torch.int64), torch.ones_like(value, dtype=torch.bool)
+    level, left = torch.zeros_like(value, dtype=torch.int64), torch.ones_like(value, dtype=torch.bool)
     while left.any():
         group = left & (value >= value[left].max() - tie)
         left &= ~group

@@ -29,14 +29,9 @@ from bayesgrasp.geometry import so3
 from bayesgrasp.geometry.box import Box
 from bayesgrasp.types import Hands
 
-
-@runtime_checkable
-class LogDensity(Protocol):
-    """A log-density or log-ratio over hands, up to a constant; differentiable in position and rotation."""
-
-    def __call__(self, hands: Hands, /) -> Tensor:
-        """Values, of the hands' batch shape."""
-        ...
+LogDensity = Callable[[Hands], Tensor]
+"""A log-density or log-ratio over hands, up to a constant: values of the hands' batch shape, differentiable in position
+and rotation."""
 
 
 @runtime_checkable

@@ -125,6 +125,10 @@ class GraspModel:
         """The power of p(S=1 | i, h) in the posterior; 1 for a model that was never calibrated."""
         return float(self.card.get(POWER, {}).get("success", 1.0))
 
+    def to(self, device: torch.device | str) -> GraspModel:
+        """The same model with its estimators moved to a device; images and hands must be there, too."""
+        return GraspModel({role: estimator.to(device) for role, estimator in self.estimators.items()}, self.card)
+
     def given_image(self, image: Float[Tensor, "1 height width"]) -> LogRatio:
         """Log r(S=1, i | h) as a function of h, up to a constant, by the first of `IMAGE_ROUTES` that the model has.
 

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from bayesgrasp.errors import CheckpointError, clipped
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError, clipped, shown
 from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.familiarity import Familiarity
@@ -33,27 +33,49 @@ DEFAULT_MODEL = Path(__file__).parents[1] / "weights"
 """The trained model that comes with the package."""
 
 
-def load_planner(model: Path | str | None = None, config: PlannerConfig | None = None) -> Planner:
+def load_planner(
+    model: Path | str | None = None, device: str | torch.device = "cpu", config: PlannerConfig | None = None
+) -> Planner:
     """A planner for the Robotiq 3-Finger on a UR5 from a trained model.
 
     Args:
         model: Directory of a model; by default the one that comes with the package.
+        device: Where the network is evaluated and searched: cpu, cuda, or cuda:N.
         config: Cost and behaviour of the plans.
 
     Raises:
         CheckpointError: The model is missing, damaged, or was trained for another gripper, camera or schema.
+        InvalidConfigurationError: The device cannot be used.
     """
+    where = usable_device(device)
     gripper, trained = robotiq_3f(), load_trained(model)
     _check_answers(trained)
+    trained = trained.to(where)
     familiarity = trained.card.get("familiarity")
     known = None if familiarity is None else Familiarity.from_dict(familiarity)
     return Planner(
-        TrainedLikelihood(trained.given_image, success_probability(trained)),
+        TrainedLikelihood(trained.given_image, success_probability(trained), where),
         trained_prior(trained.card),
         Observer(CanonicalView().of, SurfaceReader(network_camera()), known),
         Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
         config or PlannerConfig(),
     )
+
+
+def usable_device(name: str | torch.device) -> torch.device:
+    """A device, if torch can compute on it.
+
+    Raises:
+        InvalidConfigurationError: It cannot.
+    """
+    try:
+        torch.ones(1, device=name).tolist()
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        raise InvalidConfigurationError(
+            f"the device {shown(str(name))} cannot be used; valid: cpu, and cuda or cuda:N where torch has it "
+            f"({clipped(error)})"
+        ) from error
+    return torch.device(name)
 
 
 def load_trained(model: Path | str | None = None) -> GraspModel:

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.ratio.card import CARD
 from bayesgrasp.ratio.checkpoint import load_model, save_model
@@ -19,7 +17,7 @@ from bayesgrasp.training.losses import LossConfig
 from bayesgrasp.training.presets import Part, PresetName, preset
 from bayesgrasp.training.train_estimator import TrainConfig
 from bayesgrasp.training.train_model import Watch, train_model
-from bayesgrasp.workflows.load import trained_prior
+from bayesgrasp.workflows.load import trained_prior, usable_device
 from bayesgrasp.workflows.training_data import familiarity_of, origin_of, setup_of, sources_by_role
 
 STATE = "state"
@@ -92,7 +90,7 @@ def train(
     out, options = Path(out), options or TrainOptions()
     if not resume and ((out / STATE).exists() or (out / CARD).exists()):
         raise CheckpointError(f"{out} holds a run already: give --resume to go on with it, or another directory")
-    dataset, device = GraspDataset(data), usable_device(device)
+    dataset, device = GraspDataset(data), str(usable_device(device))
     parts, sets = options.parts_for(dataset), [GraspDataset(directory) for directory in practice]
     sources = sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed)
     origin = origin_of(dataset)
@@ -112,16 +110,3 @@ def train(
             extra[POWER] = dict(trained.power)
         save_model(out, trained.estimators, origin, trained.metrics, extra)
     return trained.metrics
-
-
-def usable_device(name: str) -> str:
-    """The name of a device, if torch can compute on it.
-
-    Raises:
-        InvalidConfigurationError: It cannot.
-    """
-    try:
-        torch.empty(0, device=name)
-    except (RuntimeError, AssertionError) as error:
-        raise InvalidConfigurationError(f"the device {name!r} cannot be used: {error}") from error
-    return name
