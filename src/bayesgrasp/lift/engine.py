@@ -70,19 +70,3 @@ class MujocoEngine:
 
     def stop(self) -> None:
         """Nothing to let go."""
-
-
-class Collidable:
-    """Which bodies of a model may collide: neither one body, nor parent and child, nor a pair excluded by name."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._weld, self._parent = model.body_weldid.tolist(), model.body_parentid.tolist()
-        self._excluded = {(s >> 16, s & 0xFFFF) for s in model.exclude_signature.tolist()}
-
-    def __call__(self, first: int, second: int) -> bool:
-        """Whether two bodies may collide."""
-        one, other = self._weld[first], self._weld[second]
-        if one == other or (first, second) in self._excluded or (second, first) in self._excluded:
-            return False
-        above, below = self._weld[self._parent[one]], self._weld[self._parent[other]]
-        return not ((one != 0 and one == below) or (other != 0 and other == above))

@@ -162,6 +162,7 @@ class _Run:
         """Move the arm's set-points smoothly along a path; False as soon as the object is lost after closing."""
         ticks = max(1, round(duration / self.config.control_period))
         for fraction in np.arange(1, ticks + 1) / ticks:
+            # 3 f^2 - 2 f^3: at rest at both ends.
             smooth = fraction * fraction * (3.0 - 2.0 * fraction) * (len(path) - 1)
             index = min(int(smooth), len(path) - 2)
             self.rig.command_arm(path[index] + (smooth - index) * (path[index + 1] - path[index]))

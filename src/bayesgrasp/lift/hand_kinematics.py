@@ -8,6 +8,7 @@ within hull and margin; the tests check this along the closing motion, `benchmar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import product
 
@@ -25,13 +26,22 @@ Points = Float64[np.ndarray, "_ 3"]
 JointPath = Float64[np.ndarray, "_ joints"]
 
 MARGIN = 0.003
-"""Metres by which the reach of the hand is grown: contact softness, servo error, and the object's settling."""
+"""Metres that the hand in physics may be away from where geometry has it: soft contacts, servos, a settling object."""
 
 CLEARANCE = 0.0095
-"""Metres: `MARGIN` and half of the farthest that any point of the hand moves between samples of its motion."""
+"""Metres that the hand keeps from everything at samples of its motion, to be sure of `MARGIN` between them, too."""
 
+# A point that moves by s between two samples is within s / 2 of where it is at one of them.
 SAMPLE_SPACING = 2.0 * (CLEARANCE - MARGIN)
-_STEPS = {"first": 9, "other": 4}
+
+_FIRST_STEPS, _OTHER_STEPS = 9, 4
+"""Angles of a finger's first joint in the grid, and of its others."""
+_SECTORS = 3
+"""Parts of the first joint's travel with a region of their own; one region for all of it would be mostly air."""
+_YIELD = math.radians(1.0)
+"""By which joints that a servo holds give way under a grasp."""
+_SLACK = 0.25
+"""Radians by which nodes of the grid may miss a coupling's stops; without it no node is near a stop between nodes."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +107,7 @@ class HandKinematics:
             mujoco.mj_step(model, data, round(period / model.opt.timestep))
             angles = data.qpos[self.hand.qpos].copy()
             cloud = self._cloud(angles)
+            # Not the whole spacing: one more period of closing would pass it.
             if np.linalg.norm(cloud - last, axis=1).max() > 0.75 * SAMPLE_SPACING:
                 path, last = [*path, angles], cloud
         return np.stack([*path, data.qpos[self.hand.qpos].copy()])
@@ -120,32 +131,32 @@ class HandKinematics:
         return [_hull(np.concatenate([*cloud, *(p - back for p in cloud)])) for cloud in clouds.values()]
 
     def _poses(self, grasp_type: GraspType) -> list[tuple[Float64[np.ndarray, "joints"], int]]:
-        """All fingers at once through a grid of the joint angles that stops and couplings allow."""
+        """All fingers at once through a grid of the joint angles that couplings allow, with the sector of each node."""
+        others = len(self.gripper.motors[0].weights) - 1
+        grid = product(np.linspace(0.0, 1.0, _FIRST_STEPS), *[np.linspace(0.0, 1.0, _OTHER_STEPS)] * others)
+        nodes = [(self._pose(grasp_type, node, held), node[0]) for node in grid for held in (-_YIELD, _YIELD)]
+        # A little less than the number of sectors: the end of the travel belongs to the last one.
+        return [(pose, int((_SECTORS - 0.001) * first)) for pose, first in nodes if self._allowed(pose)]
+
+    def _pose(self, grasp_type: GraspType, fractions: tuple[float, ...], held: float) -> Float64[np.ndarray, "joints"]:
+        """Angles with each joint of every finger at a fraction of its range, and held joints off by ``held``."""
         gripper = self.gripper
-        angles = gripper.open_angles(grasp_type)
-        joints = {link.joint.name: link.joint for link in gripper.links if link.joint}
-        fingers = [list(motor.weights) for motor in gripper.motors]
-        poses = []
-        for fractions in product(
-            *(np.linspace(0.0, 1.0, _STEPS["first" if k == 0 else "other"]) for k in range(len(fingers[0])))
-        ):
-            for yielded in (-np.radians(1.0), np.radians(1.0)):
-                pose = angles.copy()
-                for finger in fingers:
-                    for name, fraction in zip(finger, fractions, strict=True):
-                        low, high = joints[name].range
-                        pose[gripper.joint_names.index(name)] = low + fraction * (high - low)
-                for name in gripper.holders:
-                    pose[gripper.joint_names.index(name)] += yielded
-                if self._allowed(pose):
-                    poses.append((pose, int(2.999 * fractions[0])))
-        return poses
+        index = gripper.joint_names.index
+        ranges = {link.joint.name: link.joint.range for link in gripper.links if link.joint}
+        pose = gripper.open_angles(grasp_type)
+        for motor in gripper.motors:
+            for name, fraction in zip(motor.weights, fractions, strict=True):
+                low, high = ranges[name]
+                pose[index(name)] = low + fraction * (high - low)
+        for name in gripper.holders:
+            pose[index(name)] += held
+        return pose
 
     def _allowed(self, angles: Float64[np.ndarray, "joints"]) -> bool:
-        """Whether the couplings' stops allow these angles, up to 0.25 rad (the grid's spacing)."""
+        """Whether the couplings' stops allow these angles."""
         index = self.gripper.joint_names.index
         lengths = [(sum(w * angles[index(n)] for n, w in c.weights.items()), c.range) for c in self.gripper.couplings]
-        return all(low - 0.25 <= length <= high + 0.25 for length, (low, high) in lengths)
+        return all(low - _SLACK <= length <= high + _SLACK for length, (low, high) in lengths)
 
 
 def _inflate(points: Points, radius: float) -> Points:
@@ -155,5 +166,6 @@ def _inflate(points: Points, radius: float) -> Points:
 
 
 def _hull(points: Points) -> Halfspaces:
+    # Triangles of one face have one plane: rounded, they become one row.
     equations = np.unique(ConvexHull(points).equations.round(9), axis=0)
     return Halfspaces(np.ascontiguousarray(equations[:, :3]), -equations[:, 3])

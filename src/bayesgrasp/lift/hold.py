@@ -5,9 +5,9 @@ hand frame in turn, gravity going on, while the motors keep their torque. The gr
 moved by less than ``largest_shift`` and turned by less than ``largest_turn`` in the hand since before the first push.
 
 Why the hand's axes and not the world's: whether a grasp holds is then the same when hand and object are turned together
-about the vertical, as the outcome of the lift is, so the planar refresh of `bayesgrasp.data` leaves this label's
-posterior exactly invariant, too. The six directions are also those in which a hand differs: out of the palm, along the
-closing fingers, and sideways between them.
+about the vertical, as the outcome of the lift is, so the planar refresh (`bayesgrasp.prior.planar_symmetry`) leaves
+this label's posterior exactly invariant, too. The six directions are also those in which a hand differs: out of the
+palm, along the closing fingers, and sideways between them.
 """
 
 from __future__ import annotations
@@ -76,5 +76,6 @@ def holds(rig: Rig, config: HoldConfig, tick: Callable[[], object], period: floa
 
 def _moved_too_far(start: Float64[np.ndarray, "4 4"], now: Float64[np.ndarray, "4 4"], config: HoldConfig) -> bool:
     shift = float(np.linalg.norm(now[:3, 3] - start[:3, 3]))
+    # The trace of a rotation by an angle is 1 + 2 cos(angle); rounding may take it out of the cosine's range.
     cosine = 0.5 * (float(np.trace(start[:3, :3].T @ now[:3, :3])) - 1.0)
     return shift >= config.largest_shift or math.acos(min(max(cosine, -1.0), 1.0)) >= config.largest_turn

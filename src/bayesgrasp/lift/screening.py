@@ -36,14 +36,21 @@ def below_table(
     points: Points,
     radii: Float64[np.ndarray, "points"],
 ) -> Bool[np.ndarray, "n"]:
-    """Whether a hand covered by balls around ``points`` (hand frame, metres) reaches below z = 0 at each pose."""
+    """Whether a hand covered by balls around ``points`` (hand frame, metres) reaches below z = 0 at each pose.
+
+    The ball around R p + x reaches down to z^T R p + x_z - r, so only the third row of R is needed.
+    """
     heights = position[:, 2:3] + rotation[:, 2, :] @ points.T - radii
     below: Bool[np.ndarray, "n"] = heights.min(axis=1) < 0.0
     return below
 
 
 def certainly_apart(vertices: Float64[np.ndarray, "n vertices 3"], regions: list[Halfspaces]) -> Bool[np.ndarray, "n"]:
-    """Whether an object with these hull vertices (hand frame, metres) is certainly apart from all regions."""
+    """Whether an object with these hull vertices (hand frame, metres) is certainly apart from all regions.
+
+    It is apart from a convex region if all of its vertices v are beyond one of the region's faces, n v > c. The other
+    way round is not true (an edge of each may be what separates them), so what is not apart here is only undecided.
+    """
     apart = np.ones(len(vertices), dtype=bool)
     for region in regions:
         rows = np.flatnonzero(apart)

@@ -20,6 +20,7 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.grasp_space import GraspSpace
 from bayesgrasp.planning.observing import Observed, Pose
 from bayesgrasp.planning.plan import Grasp, Motion
+from bayesgrasp.robot.motion import MotionConfig
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
@@ -68,7 +69,7 @@ class SelectionConfig:
     distinct: float = 0.2
     penetration: float = 0.003
     cutting_points: int = 2
-    standoff: float = 0.10
+    standoff: float = MotionConfig.standoff
     space: GraspSpace = field(default_factory=GraspSpace)
 
     def __post_init__(self) -> None:

@@ -153,6 +153,7 @@ class ArmDescription:
         branches = self.solver(self._world_to_base @ _orthonormalized(hand_to_world) @ self._flange_to_hand)
         if len(branches) == 0:
             return np.zeros((0, JOINTS))
+        # The solver's angles are up to full turns: take the turn nearest to the reference or, beyond a limit, one back.
         q = near + np.remainder(np.asarray(branches) - near + math.pi, 2 * math.pi) - math.pi
         q = np.where(np.abs(q) > self._limits, q - np.copysign(2 * math.pi, q), q)
         q = q[(np.abs(q) <= self._limits).all(axis=1)]

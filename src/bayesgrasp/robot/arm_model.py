@@ -18,9 +18,6 @@ from jaxtyping import Float64
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.robot.arm import JOINTS, ArmDescription, Capsule, Six
 
-COLLISION_GROUP = 3
-"""Geom group of every collision shape, as for the gripper; contype and conaffinity are MuJoCo's default of 1."""
-
 BASE_RADIUS, BASE_HEIGHT = 0.075, 0.03
 """Of the arm's foot, metres; a pedestal of the same radius reaches down to the table."""
 
@@ -60,7 +57,7 @@ def add_arm(spec: mujoco.MjSpec, arm: ArmDescription, servo: ArmServo | None = N
 
     Bodies, joints and position actuators are named ``arm_1`` ... ``arm_6`` (control = joint angle, radians; force
     limited to the joint's torque). The static base with its pedestal is ``arm_base``. Collision capsules are named
-    after their body with an index and belong to geom group 3; neighbouring links do not collide. A servo follows a
+    after their body with an index; neighbouring links do not collide. A servo follows a
     moving command with a lag of damping / stiffness, about 25 ms.
 
     Args:
@@ -162,6 +159,5 @@ def _add_capsules(
             fromto=(*capsule.start, *capsule.end),
             size=(capsule.radius, 0.0, 0.0),
             mass=mass * capsule.volume / volume,
-            group=COLLISION_GROUP,
             rgba=rgba,
         )

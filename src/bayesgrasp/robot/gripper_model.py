@@ -13,7 +13,15 @@ import mujoco
 import numpy as np
 
 from bayesgrasp.robot.gripper import Coupling, GripperDescription, Joint, Link, Motor
+from bayesgrasp.robot.physics_scene import ELASTIC_TIME
 from bayesgrasp.types import GraspType
+
+MOTOR_STIFFNESS = 12.0
+"""Of the servo of a motor, in its torques a radian: a blocked motor is at its torque 1/12 rad ahead of its finger."""
+HOLDER_STIFFNESS = 40.0
+"""Of the servo of a held joint, in its largest torques a radian: at its limit it is 1/40 rad, 1.4 degrees, off."""
+SERVO_LAG = 0.02
+"""Seconds by which a servo follows a moving set-point: damping divided by stiffness."""
 
 _GEOM_TYPES = {"box": mujoco.mjtGeom.mjGEOM_BOX, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
@@ -21,7 +29,7 @@ _GEOM_TYPES = {"box": mujoco.mjtGeom.mjGEOM_BOX, "capsule": mujoco.mjtGeom.mjGEO
 def add_gripper(spec: mujoco.MjSpec, parent: mujoco.MjsBody, gripper: GripperDescription) -> mujoco.MjsBody:
     """Add a gripper below ``parent`` so that the hand frame coincides with the parent's frame.
 
-    Collision shapes belong to geom group 3; joints, bodies and motors carry the description's names. Links have mass
+    Joints, bodies and motors carry the description's names. Links have mass
     but no weight: the arm compensates the hand's, and a finger's own is far below its motor's torque.
 
     Returns:
@@ -35,7 +43,9 @@ def add_gripper(spec: mujoco.MjSpec, parent: mujoco.MjsBody, gripper: GripperDes
     for coupling in gripper.couplings:
         _add_coupling(spec, coupling)
     for joint, torque in gripper.holders.items():
-        _add_servo(spec, f"{joint}_servo", mujoco.mjtTrn.mjTRN_JOINT, joint, gain=40.0 * torque, limit=torque)
+        _add_servo(
+            spec, f"{joint}_servo", mujoco.mjtTrn.mjTRN_JOINT, joint, gain=HOLDER_STIFFNESS * torque, limit=torque
+        )
     _exclude_neighbours(spec, gripper)
     return bodies[gripper.links[0].name]
 
@@ -50,7 +60,6 @@ def _add_link(parent: mujoco.MjsBody, link: Link) -> mujoco.MjsBody:
             quat=shape.quaternion,
             size=[*shape.size, 0.0, 0.0][:3],
             mass=link.mass / len(link.shapes),
-            group=3,
             rgba=(0.25, 0.25, 0.28, 1.0) if link.joint is None else (0.45, 0.45, 0.5, 1.0),
         )
     if link.joint is not None:
@@ -59,6 +68,7 @@ def _add_link(parent: mujoco.MjsBody, link: Link) -> mujoco.MjsBody:
 
 
 def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
+    # A spring k (q - rest) is ``preload`` at the lower stop if it is at rest that far below it.
     rest = joint.range[0] - joint.preload / joint.stiffness if joint.stiffness else 0.0
     body.add_joint(
         name=joint.name,
@@ -70,7 +80,7 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
         armature=joint.armature,
         stiffness=(joint.stiffness, 0.0, 0.0),
         springref=rest,
-        solref_limit=(0.006, 1.0),
+        solref_limit=(ELASTIC_TIME, 1.0),
     )
 
 
@@ -83,7 +93,7 @@ def _add_tendon(spec: mujoco.MjSpec, name: str, weights: Mapping[str, float]) ->
 
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     _add_tendon(spec, motor.name, motor.weights)
-    gain, limit = 12.0 * motor.torque, motor.holding_torque
+    gain, limit = MOTOR_STIFFNESS * motor.torque, motor.holding_torque
     _add_servo(spec, motor.name, mujoco.mjtTrn.mjTRN_TENDON, motor.name, gain, limit)
 
 
@@ -93,13 +103,13 @@ def _add_coupling(spec: mujoco.MjSpec, coupling: Coupling) -> None:
     tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     tendon.stiffness[0] = coupling.stiffness
     tendon.springlength = [coupling.range[0] - coupling.preload / coupling.stiffness] * 2
-    tendon.solref_limit = (0.006, 1.0)
+    tendon.solref_limit = (ELASTIC_TIME, 1.0)
 
 
 def _add_servo(
     spec: mujoco.MjSpec, name: str, transmission: mujoco.mjtTrn, target: str, gain: float, limit: float
 ) -> None:
-    damping = 0.02 * gain
+    damping = SERVO_LAG * gain
     actuator = spec.add_actuator(name=name, trntype=transmission, target=target)
     actuator.gainprm[0] = gain
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE

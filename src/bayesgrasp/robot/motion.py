@@ -20,6 +20,9 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.robot.arm import ArmDescription
 from bayesgrasp.types import Attempts
 
+DETOUR = 0.15
+"""Metres above the pre-grasp of the point over which the arm goes where the straight way is blocked."""
+
 Pose = Float64[np.ndarray, "4 4"]
 Path = Float64[np.ndarray, "_ 6"]
 
@@ -109,6 +112,7 @@ def reachable_branches(arm: ArmDescription, hand_to_world: Pose, config: MotionC
     after = arm.inverse_kinematics(lifted_pose(hand_to_world, config.lift_height))
     if len(before) == 0 or len(after) == 0:
         return []
+    # A branch of which no joint jumps between waypoints ends within so many of the largest steps from where it began.
     reach = config.largest_step * (config.waypoints - 1)
     steps = (_nearest(before, grasp, reach), _nearest(after, grasp, reach))
     return [np.stack([before[i], q, after[j]]) for q, i, j in zip(grasp, *steps, strict=True) if i >= 0 and j >= 0]
@@ -188,7 +192,7 @@ def _transit(
 
 def _detours(arm: ArmDescription, goal: Float64[np.ndarray, "6"]) -> Iterator[list[Float64[np.ndarray, "6"]]]:
     yield []
-    above = lifted_pose(arm.forward_kinematics(goal), 0.15)
+    above = lifted_pose(arm.forward_kinematics(goal), DETOUR)
     solutions = arm.inverse_kinematics(above, reference=goal)
     if len(solutions):
         yield [solutions[0]]

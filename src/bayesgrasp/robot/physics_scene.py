@@ -23,7 +23,8 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 OBJECT_BODY = "object"
 TABLE_GEOM = "table"
 _ROLLING_FRICTION = 1e-4
-_ELASTIC_TIME = 0.006
+ELASTIC_TIME = 0.006
+"""Time constant of contacts and stops, seconds; they are critically damped (MuJoCo's solref)."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,9 @@ def new_spec(config: PhysicsConfig = PhysicsConfig()) -> mujoco.MjSpec:
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = config.friction_ratio
     spec.option.iterations = config.solver_iterations
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     spec.worldbody.add_geom(
-        name=TABLE_GEOM, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), group=2, rgba=(0.75, 0.7, 0.62, 1.0)
+        name=TABLE_GEOM, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), rgba=(0.75, 0.7, 0.62, 1.0)
     )
-    spec.worldbody.add_light(pos=(0.5, 0.5, 2.0), dir=(-0.2, -0.2, -1.0), castshadow=True)
     return spec
 
 
@@ -81,8 +80,7 @@ def add_object(spec: mujoco.MjSpec, asset: ObjectAsset) -> None:
             meshname=name,
             condim=4,
             priority=1,
-            solref=(_ELASTIC_TIME, 1.0),
-            group=1,
+            solref=(ELASTIC_TIME, 1.0),
             rgba=(0.85, 0.45, 0.25, 1.0),
         )
 
@@ -160,6 +158,7 @@ class ObjectHandle:
         mass, inertia = mass_factor * scale**3, mass_factor * scale**5
         m.body_mass[self.body] = mass * base["mass"]
         m.body_inertia[self.body] = inertia * base["inertia"]
+        # What a unit of force or torque at the object moves, which softens its contacts: the inverse of the above.
         m.body_invweight0[self.body] = base["invweight"] / (mass, inertia)
         m.dof_invweight0[self.qvel] = base["dof_invweight"] / ([mass] * 3 + [inertia] * 3)
         m.geom_friction[self.geoms] = (lateral_friction, spinning_friction, _ROLLING_FRICTION)

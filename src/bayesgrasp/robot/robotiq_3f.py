@@ -30,8 +30,8 @@ JOINT_1_RANGE = (0.0495, 1.2218)
 JOINT_2_RANGE = (0.0, 1.5708)
 JOINT_3_RANGE = (-1.2217, -0.0523)
 SCISSOR_RANGE = (-0.1784, 0.192)
-CLOSED, PINCH_CLOSED = 240.0, 177.0
-"""Motor positions (0..255) at which a free finger is fully flexed, and at which the pinch grasp stops."""
+FIRST_STOP, CLOSED, PINCH_CLOSED = 140.0, 240.0, 177.0
+"""Motor positions (0..255) of a free finger: its first joint stops, it is fully flexed, the pinch grasp ends."""
 
 # Unconfirmed: total mass (kg) and how it is shared; pad thickness from the 155 mm stroke; grip force.
 PALM_MASS, KNUCKLE_MASS, PROXIMAL_MASS, MEDIAL_MASS, DISTAL_MASS = 1.55, 0.05, 0.08, 0.07, 0.05
@@ -43,6 +43,8 @@ FINGERTIP_FORCE = 40.0
 # Differential: tension shared by the joints; chosen so that a blocked proximal link makes the medial one flex first.
 DIFFERENTIAL = (1.0, 0.6, 0.25)
 PARALLEL_LEVER = 0.0963  # metres of pad travel per radian of the first joint, half closed
+# Parallel, the third joint turns back by what the first one turns: a radian of the first is w_1 - w_3 of the tendon.
+# By virtual work force * lever = tension * (w_1 - w_3), and the tendon's speed is the pad's / lever * (w_1 - w_3).
 MOTOR_TORQUE = FINGERTIP_FORCE * PARALLEL_LEVER / (DIFFERENTIAL[0] - DIFFERENTIAL[2])
 MOTOR_SPEED = 0.110 / PARALLEL_LEVER * (DIFFERENTIAL[0] - DIFFERENTIAL[2])  # fastest pad speed, 110 mm/s
 HOLDING_RATIO = 4.0  # the worm gear withstands this multiple of the closing torque
@@ -52,8 +54,8 @@ SCISSOR = {GraspType.BASIC: 0.0, GraspType.WIDE: math.radians(11.0), GraspType.P
 
 def free_closing(position: float) -> tuple[float, float, float]:
     """Joint angles (radians) of an unobstructed finger at motor position g in 0..255 (TR711, jump at 140 removed)."""
-    first = min(max(position, 0.0) / 140.0, 1.0)
-    second = min(max((position - 140.0) / 100.0, 0.0), 1.0)
+    first = min(max(position, 0.0) / FIRST_STOP, 1.0)
+    second = min(max((position - FIRST_STOP) / (CLOSED - FIRST_STOP), 0.0), 1.0)
     angle = JOINT_1_RANGE[0] + first * (JOINT_1_RANGE[1] - JOINT_1_RANGE[0])
     return angle, second * JOINT_2_RANGE[1], -angle
 
@@ -161,7 +163,9 @@ def _parallelogram(name: str) -> Coupling:
 def _preshape(grasp_type: GraspType) -> Preshape:
     angles = {"scissor_b": SCISSOR[grasp_type], "scissor_c": SCISSOR[grasp_type]}
     angles = {n: min(max(a, SCISSOR_RANGE[0]), SCISSOR_RANGE[1]) for n, a in angles.items()}
-    angles |= {f"joint_3_{f}": -max(JOINT_1_RANGE[0], -JOINT_3_RANGE[1]) for f in "abc"}
-    angles |= {f"joint_1_{f}": max(JOINT_1_RANGE[0], -JOINT_3_RANGE[1]) for f in "abc"}
+    # Open and parallel: joint 1 as far back as its own stop and that of joint 3, which mirrors it, allow.
+    opened = max(JOINT_1_RANGE[0], -JOINT_3_RANGE[1])
+    angles |= {f"joint_3_{f}": -opened for f in "abc"}
+    angles |= {f"joint_1_{f}": opened for f in "abc"}
     closed = free_closing(PINCH_CLOSED if grasp_type is GraspType.PINCH else CLOSED)
     return Preshape(angles, sum(w * angle for w, angle in zip(DIFFERENTIAL, closed, strict=True)))

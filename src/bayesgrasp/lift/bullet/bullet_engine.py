@@ -1,6 +1,6 @@
 """The lift test's physics in PyBullet, the paper's own engine.
 
-The scene is `bayesgrasp.lift.bullet.robot` and `bullet_object`, servos and tendons are `servo_forces`; all are
+The scene is `robot` and `item`, servos and tendons are `servo_forces`; all are
 translated from the compiled MuJoCo model, so no number of the scene is stated twice. Every attempt gets a new world, so
 its outcome depends on it alone.
 """
@@ -103,7 +103,7 @@ class BulletEngine:
         push = (data.xfrc_applied[self._item.body, :3] + self._weight()).tolist()
         q, speed = self._joint_states()
         for _ in range(round(seconds / self.config.time_step)):
-            torque, data.actuator_force[:] = self._forces(q, speed, data.ctrl)
+            torque, data.actuator_force[:] = self._forces.act(q, speed, data.ctrl)
             client.setJointMotorControlArray(robot.body, robot.joints, client.TORQUE_CONTROL, forces=torque.tolist())
             center, _ = client.getBasePositionAndOrientation(item)
             client.applyExternalForce(item, -1, push, center, client.WORLD_FRAME)

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from bayesgrasp.lift.bullet.client import Client
+from bayesgrasp.lift.bullet.collision_rules import CollisionRules
 from bayesgrasp.lift.bullet.model_frames import bullet_quaternion, geom_pose, rotation_matrix
-from bayesgrasp.lift.engine import Collidable
 from bayesgrasp.robot.physics_scene import OBJECT_BODY
 
 
@@ -137,13 +137,13 @@ class BulletRobot:
         )
 
     def _forbid_contacts(self) -> None:
-        collidable = Collidable(self.model)
+        rules = CollisionRules(self.model)
         static = [body for body in range(self.model.nbody) if self._is_static(body)]
         for one, first in enumerate(self.links):
-            if not any(collidable(first, body) for body in static):
+            if not any(rules.allow(first, body) for body in static):
                 self.client.setCollisionFilterPair(self.body, self.body, one, -1, 0)
             for other, second in enumerate(self.links[:one]):
-                if not collidable(first, second):
+                if not rules.allow(first, second):
                     self.client.setCollisionFilterPair(self.body, self.body, one, other, 0)
 
     def _free_motors(self) -> None:

@@ -10,7 +10,8 @@ f along it is the torque J^T f. With the set-points u of the servos,
 
 where every constant but K and D is the model's. The first three have one form and are evaluated as one. A tendon's stop
 is a constraint in MuJoCo; here it is a spring as stiff as the engine's time step dt allows: with the tendon's effective
-inertia m, K = m / (2 dt)^2 and D = m / (2 dt). (Stops of joints are left to the engine.)
+inertia m, K = m / (2 dt)^2 and D = m / (2 dt): it swings by half a radian a step, which explicit steps still follow,
+and is damped by half of what is critical. (Stops of joints are left to the engine.)
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class ServoForces:
         self._stop_stiffness = 0.25 * inertia / time_step**2
         self._stop_damping = 0.5 * inertia / time_step
 
-    def __call__(self, q: Joints, speed: Joints, targets: Float64[np.ndarray, "servos"]) -> tuple[Joints, Pulls]:
+    def act(self, q: Joints, speed: Joints, targets: Float64[np.ndarray, "servos"]) -> tuple[Joints, Pulls]:
         """Torques on the joints, N m, and the forces of the servos.
 
         Args:
