@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bayesgrasp.meshes.deviation import deviation
-from bayesgrasp.meshes.mesh import Mesh, read_mesh, signed_volume
+from bayesgrasp.meshes.mesh import Mesh, signed_volume
+from bayesgrasp.meshes.mesh_file import read_mesh
 from bayesgrasp.meshes.part_cache import peek
 from bayesgrasp.objects import household, ycb
 from bayesgrasp.objects.catalogue import ObjectAsset, load_objects

@@ -1,19 +1,15 @@
-"""Convex parts: hulls of few corners that stay close, and cuts that keep a cavity open."""
-
-from dataclasses import replace
+"""Convex parts: hulls of few corners that stay close, and how far they are from a mesh."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from bayesgrasp.errors import AssetError, InvalidConfigurationError
-from bayesgrasp.meshes.convex import DEFAULT, PAPER, ConvexConfig, ConvexPart, decompose, hull_part
+from bayesgrasp.errors import AssetError
+from bayesgrasp.meshes.convex import ConvexPart, hull_part
 from bayesgrasp.meshes.deviation import deviation
 from bayesgrasp.meshes.mesh import Mesh, signed_volume
-from bayesgrasp.objects.shapes import box, hollow, turned
+from bayesgrasp.objects.shapes import box, hollow
 from bayesgrasp.seeding import generator
-
-CONFIGS = [ConvexConfig(concavity_m=0.01, search_iterations=10), replace(PAPER, voxels=10_000)]
 
 
 def convex_and_outward(part: ConvexPart) -> bool:
@@ -61,51 +57,6 @@ def test_refining_ends_at_the_tolerance() -> None:
 def test_flat_points_are_no_part() -> None:
     with pytest.raises(AssetError, match="volume"):
         hull_part(np.c_[generator(0).uniform(size=(20, 2)), np.zeros(20)])
-
-
-@pytest.mark.parametrize("config", CONFIGS, ids=["coacd", "vhacd"])
-def test_a_cup_is_cut_without_filling_it(config: ConvexConfig) -> None:
-    cup = hollow([(0.035, 0.0), (0.035, 0.08)], wall=0.008, floor=0.01)
-    parts = decompose(cup.mesh.vertices, cup.mesh.faces, config)
-    assert len(parts) <= config.max_parts
-    assert all(convex_and_outward(part) for part in parts)
-    assert all(len(part.vertices) <= config.max_vertices for part in parts)
-    middle = np.array([[0.0, 0.0, z] for z in np.linspace(0.02, 0.08, 5)])
-    assert min(part.depth(middle).min() for part in parts) > 0.005
-    found = deviation(cup.mesh, parts)
-    assert found.gap_max < 0.003
-    assert found.excess_max < 0.015
-
-
-def test_the_same_mesh_is_cut_alike() -> None:
-    bottle = turned([(0.04, 0.0), (0.04, 0.04), (0.01, 0.05), (0.01, 0.1)]).mesh
-    config = ConvexConfig(search_iterations=10)
-    first, second = (decompose(bottle.vertices, bottle.faces, config) for _ in range(2))
-    assert len(first) > 1
-    assert len(first) == len(second)
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one.vertices, other.vertices)
-
-
-def test_cutting_is_silent(capfd: pytest.CaptureFixture[str]) -> None:
-    solid = box(0.1, 0.1, 0.1).mesh
-    decompose(solid.vertices, solid.faces, DEFAULT)
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"algorithm": "magic"},
-        {"concavity_m": 0.0},
-        {"concavity_m": float("nan")},
-        {"max_parts": 0},
-        {"max_vertices": 4},
-    ],
-)
-def test_a_wrong_configuration_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises((InvalidConfigurationError, TypeError)):
-        ConvexConfig(**wrong)  # type: ignore[arg-type]
 
 
 def test_deviation_measures_a_known_excess_and_gap() -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from bayesgrasp.errors import AssetError, InvalidConfigurationError
-from bayesgrasp.meshes.mesh import read_mesh
+from bayesgrasp.meshes.mesh_file import read_mesh
 from bayesgrasp.objects.fetch import MANIFEST, FetchConfig, fetch
 from bayesgrasp.objects.shapes import box
 
@@ -200,7 +200,27 @@ def test_a_truncated_archive_leaves_nothing(server: Server, tmp_path: Path) -> N
     server.content, server.tag = server.content[:200_000], '"not-an-md5"'
     with pytest.raises(AssetError, match="damaged"):
         fetch(MUG, tmp_path, config(server))
-    assert left_behind(tmp_path) <= {MANIFEST}
+    assert left_behind(tmp_path) == set()
+
+
+@pytest.mark.parametrize("fault", ["empty", "cut off", "without the scan"])
+def test_an_archive_that_fails_is_not_recorded(server: Server, tmp_path: Path, fault: str) -> None:
+    """Or its sum would have to be met by the good archives that come after it."""
+    bad = {"empty": b"", "cut off": good_archive()[:200_000], "without the scan": archive({f"{MUG}/readme": b"sorry"})}
+    server.content, server.tag = bad[fault], '"not-an-md5"'
+    with pytest.raises(AssetError):
+        fetch(MUG, tmp_path, config(server))
+    assert left_behind(tmp_path) == set()
+    server.content = good_archive()
+    fetch(MUG, tmp_path, config(server))
+    assert left_behind(tmp_path) == {MUG, MANIFEST}
+
+
+@pytest.mark.parametrize("record", ["", "[]", '{"a": "b"'])
+def test_a_damaged_record_is_named(server: Server, tmp_path: Path, record: str) -> None:
+    (tmp_path / MANIFEST).write_text(record)
+    with pytest.raises(AssetError, match=f"{MANIFEST}.*remove it to begin a new"):
+        fetch(MUG, tmp_path, config(server))
 
 
 def test_another_archive_than_recorded_is_refused(server: Server, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from PIL import Image
 from bayesgrasp.cli.progress import downloading
 from bayesgrasp.errors import AssetError
 from bayesgrasp.files import check_target, write_json, write_through
-from bayesgrasp.meshes.convex import PRESETS
+from bayesgrasp.meshes.decompose import PRESETS
 from bayesgrasp.meshes.deviation import deviation
 from bayesgrasp.meshes.mesh import Mesh
 from bayesgrasp.objects import ycb

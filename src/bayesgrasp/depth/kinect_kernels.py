@@ -75,11 +75,10 @@ def windowed_disparity(region, constants, row, column):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def moved_pixel(view, around, constants, noise_v, noise_u, r, c):
+def moved_pixel(view, planes, region, constants, noise_v, noise_u, r, c):
     """Row and column in the region of the place that pixel (r, c) of the region looks at."""
-    region = around.region
     plane, u, v = region.plane[r, c], c + region.column, r + region.row
-    tilt = np.arccos(max(cosine_at(view, around.planes, plane, u, v), COS_STEEPEST))
+    tilt = np.arccos(max(cosine_at(view, planes, plane, u, v), COS_STEEPEST))
     sigma = constants.lateral_gain * lateral_sigma(tilt)
     moved_r = min(max(r + edge_shift(sigma, noise_v), 0), region.plane.shape[0] - 1)
     moved_c = min(max(c + edge_shift(sigma, noise_u), 0), region.plane.shape[1] - 1)
@@ -88,13 +87,12 @@ def moved_pixel(view, around, constants, noise_v, noise_u, r, c):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def is_edge(view, around, constants, r, c, moved_r, moved_c):
+def is_edge(view, planes, region, constants, r, c, moved_r, moved_c):
     """Whether disparity jumps from a pixel of the region to another one, beyond the slope of its own surface."""
-    region = around.region
     if region.plane[r, c] == TABLE and region.plane[moved_r, moved_c] == TABLE:
         return False
     u, v = moved_c + region.column, moved_r + region.row
-    expected = inverse_depth_at(view, around.planes, region.plane[r, c], u, v)
+    expected = inverse_depth_at(view, planes, region.plane[r, c], u, v)
     return abs(region.inverse_depth[moved_r, moved_c] - expected) * DEPTH_CONSTANT > constants.edge_step
 
 
@@ -120,8 +118,8 @@ def match(frame, around, pixels, constants):
             r, c = rows[k] - region.row, columns[j] - region.column
             noise_v = interpolate(around.noise[0], by_row, by_column, k, j)
             noise_u = interpolate(around.noise[1], by_row, by_column, k, j)
-            at_r, at_c = moved_pixel(view, around, constants, noise_v, noise_u, r, c)
-            if is_edge(view, around, constants, r, c, at_r, at_c):
+            at_r, at_c = moved_pixel(view, planes, region, constants, noise_v, noise_u, r, c)
+            if is_edge(view, planes, region, constants, r, c, at_r, at_c):
                 r, c = at_r, at_c
             if region.inverse_depth[r, c] <= 0:
                 continue

@@ -16,11 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from bayesgrasp.errors import AssetError
-from bayesgrasp.meshes.convex import DEFAULT, ConvexConfig, ConvexPart
+from bayesgrasp.errors import AssetError, clipped
+from bayesgrasp.meshes.convex import ConvexPart
+from bayesgrasp.meshes.decompose import DEFAULT, ConvexConfig
 from bayesgrasp.meshes.mass import mass_properties
-from bayesgrasp.meshes.mesh import Mesh, read_mesh
-from bayesgrasp.meshes.part_cache import prepare
+from bayesgrasp.meshes.mesh import Mesh
+from bayesgrasp.meshes.mesh_file import read_mesh, short
+from bayesgrasp.meshes.part_cache import cut_and_settle
 from bayesgrasp.meshes.resting import Resting, rest
 from bayesgrasp.objects import household, ycb
 from bayesgrasp.objects.object_asset import ObjectAsset, check_mass
@@ -66,9 +68,9 @@ def load_file(mesh: Path, mass: float, convex: ConvexConfig = DEFAULT) -> Object
     Raises:
         AssetError: The mesh or the mass cannot be used.
     """
-    check_mass(mass, mesh.stem)
+    check_mass(mass, clipped(mesh.stem, 100))
     surface = read_mesh(mesh)
-    return _place(mesh.stem, "file", "other", mass, surface, prepare(surface, mesh.stem, convex))
+    return _place(mesh.stem, "file", "other", mass, surface, cut_and_settle(surface, short(mesh), convex))
 
 
 def available(root: Path | None) -> dict[str, str]:
@@ -133,7 +135,7 @@ def _load(object_id: str, scans: dict[str, Path], convex: ConvexConfig) -> Objec
         split = household.split_of(object_id)
         return _place(object_id, "household", split, recipe.mass_kg, solid.mesh, rest(solid.parts))
     surface = read_mesh(scans[object_id])
-    resting = prepare(surface, object_id, convex)
+    resting = cut_and_settle(surface, short(scans[object_id]), convex)
     return _place(object_id, "ycb", ycb.split_of(object_id), ycb.mass_of(object_id), surface, resting)
 
 

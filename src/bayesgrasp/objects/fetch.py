@@ -3,15 +3,15 @@
 An interrupted download continues where it stopped: the bytes so far wait in a ``.part`` file, and the server is asked
 for the rest provided that the archive is still the same one (HTTP Range and If-Range). No official checksums are
 published. So an archive is checked against its length and, where the server's entity tag is an MD5 sum (as Amazon S3's
-is for a file stored in one piece), against that; its SHA-256 sum is written to ``checksums.json`` beside the scans at
-the first download and must be met by every later one. Files are unpacked aside and moved into place when complete.
+is for a file stored in one piece), against that; its SHA-256 sum is written to ``checksums.json`` beside the scans once
+it could be unpacked, and must be met by every later download. Files are unpacked aside and moved into place when
+complete.
 """
 
 from __future__ import annotations
 
 import hashlib
 import http.client
-import json
 import logging
 import os
 import re
@@ -28,13 +28,15 @@ from pathlib import Path, PurePosixPath
 
 from filelock import FileLock
 
-from bayesgrasp.errors import AssetError, InvalidConfigurationError
+from bayesgrasp.errors import AssetError, FileError, InvalidConfigurationError, clipped
+from bayesgrasp.files import MIB, read_json, write_json
 from bayesgrasp.objects import ycb
 
 log = logging.getLogger(__name__)
 
 BASE_URL = "https://ycb-benchmarks.s3.amazonaws.com/data"
 MANIFEST = "checksums.json"
+MANIFEST_LIMIT = MIB
 CHUNK = 1 << 16
 MAX_UNPACKED = 1 << 30  # bytes; an archive of this kind holds some ten megabytes
 Progress = Callable[[int, int | None], None]
@@ -108,8 +110,9 @@ def _fetch(object_id: str, root: Path, config: FetchConfig, progress: Progress) 
     url = f"{config.base_url.rstrip('/')}/google/{name}"
     tag = _download(url, archive, config, progress)
     try:
-        _verify(archive, tag, root / MANIFEST)
+        found = _verify(archive, tag, root / MANIFEST)
         _unpack(archive, object_id, root)
+        _record(archive.name, found, root / MANIFEST)  # of an archive that holds the scan, and of no other
     finally:
         archive.unlink()
 
@@ -182,23 +185,38 @@ def _read_tag(part: Path) -> str:
     return path.read_text() if path.exists() else ""
 
 
-def _verify(archive: Path, tag: _Tag, manifest: Path) -> None:
-    """Compare an archive with the server's sum and with the sum of its first download; record it if it is the first."""
+def _verify(archive: Path, tag: _Tag, manifest: Path) -> str:
+    """Compare an archive with the server's sum and with the one recorded, if any; its SHA-256 sum."""
     content = archive.read_bytes()
     if tag.md5 is not None and hashlib.md5(content, usedforsecurity=False).hexdigest() != tag.md5:
         raise AssetError(
             f"{archive.name}: damaged on the way (its MD5 sum is not the server's {tag.md5}); fetch it again"
         )
-    sums: dict[str, str] = json.loads(manifest.read_text()) if manifest.exists() else {}
     found = hashlib.sha256(content).hexdigest()
-    if sums.setdefault(archive.name, found) != found:
+    if _recorded(manifest).get(archive.name, found) != found:
         raise AssetError(
             f"{archive.name}: its SHA-256 sum {found} is not the one recorded in {manifest}; the archive has changed: "
             "remove the line there if that is right"
         )
-    aside = manifest.with_name(manifest.name + ".part")
-    aside.write_text(json.dumps(dict(sorted(sums.items())), indent=1) + "\n")
-    os.replace(aside, manifest)
+    return found
+
+
+def _recorded(manifest: Path) -> dict[str, str]:
+    """Sums of earlier downloads by the archive's name."""
+    if not manifest.exists():
+        return {}
+    try:
+        sums = read_json(manifest, MANIFEST_LIMIT)
+    except FileError as error:
+        raise AssetError(f"{error}; remove it to begin a new record") from error
+    if not isinstance(sums, dict):
+        raise AssetError(f"{manifest} is no record of sums; remove it to begin a new one")
+    return sums
+
+
+def _record(name: str, found: str, manifest: Path) -> None:
+    """Keep the sum of a first download."""
+    write_json(manifest, dict(sorted((_recorded(manifest) | {name: found}).items())))
 
 
 def _unpack(archive: Path, object_id: str, root: Path) -> None:
@@ -207,7 +225,8 @@ def _unpack(archive: Path, object_id: str, root: Path) -> None:
             with tarfile.open(archive, "r:gz") as members:
                 _extract(members, object_id, Path(aside))
         except (tarfile.TarError, EOFError, zlib.error, OSError) as error:
-            raise AssetError(f"{archive.name}: the archive is damaged ({error}); fetch it again") from error
+            said = clipped(error, 80)
+            raise AssetError(f"{archive.name}: the archive is damaged ({said}); fetch it again") from error
         if object_id not in ycb.scans(Path(aside)):
             raise AssetError(f"{archive.name}: holds no {object_id}/google_16k/{ycb.MESH_FILES[0]}")
         _move(Path(aside) / object_id / "google_16k", root / object_id / "google_16k")

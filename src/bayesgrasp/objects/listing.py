@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesgrasp.meshes.mesh import read_mesh
+from bayesgrasp.meshes.mesh_file import read_mesh
 from bayesgrasp.meshes.part_cache import peek
 from bayesgrasp.objects import household, ycb
 from bayesgrasp.objects.catalogue import available, load_objects, object_ids

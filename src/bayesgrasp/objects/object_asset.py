@@ -14,6 +14,9 @@ from jaxtyping import Float64, Int32
 from bayesgrasp.errors import AssetError
 from bayesgrasp.meshes.convex import ConvexPart
 
+LEAST_MASS, MOST_MASS = 1e-4, 100.0
+"""Kilograms: a paper clip has five times the one, and no hand lifts the other."""
+
 
 @dataclass(frozen=True)
 class ObjectAsset:
@@ -54,10 +57,10 @@ class ObjectAsset:
 
 
 def check_mass(mass_kg: float, name: str) -> None:
-    """Refuse a mass that is not finite and positive.
+    """Refuse a mass that no object for a hand has, nor any that physics could tell from nothing or from a wall.
 
     Raises:
-        AssetError: It is not.
+        AssetError: It is not a number from `LEAST_MASS` to `MOST_MASS`.
     """
-    if not (np.isfinite(mass_kg) and mass_kg > 0):
-        raise AssetError(f"object '{name}': mass is {mass_kg} kg; it must be finite and positive")
+    if not LEAST_MASS <= mass_kg <= MOST_MASS:
+        raise AssetError(f"object '{name}': mass is {mass_kg} kg; it must be from {LEAST_MASS} to {MOST_MASS:g} kg")
