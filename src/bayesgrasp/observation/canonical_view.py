@@ -138,8 +138,8 @@ def _draw(
     back: Float64[np.ndarray, "H W"],
 ) -> None:
     """Draw an image's surface at the given columns, rows and keys."""
-    slope = MAX_SLOPE / min(camera.fx, camera.fy)
-    draw_surface(depth.astype(np.float64), returned, *places, slope, NOISE_ALLOWANCE, front, back)
+    allowance = MAX_SLOPE / min(camera.fx, camera.fy), NOISE_ALLOWANCE
+    draw_surface(depth.astype(np.float64), returned, places, allowance, front, back)
 
 
 def _with_table(image: Float64[np.ndarray, "H W"], camera: Camera, target: Camera) -> Float64[np.ndarray, "H W"]:

@@ -14,8 +14,16 @@ from numba import njit
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, buffer):
-    """Draw one triangle: raise the buffer at the pixels inside to the key, which is linear over the triangle."""
+def draw_triangle(first, second, third, buffer):
+    """Draw one triangle: raise the buffer at the pixels inside to the key, which is linear over the triangle.
+
+    Args:
+        first: A corner: column, row and key.
+        second: Another one.
+        third: The last one.
+        buffer: What is drawn into.
+    """
+    (u0, v0, key0), (u1, v1, key1), (u2, v2, key2) = first, second, third
     height, width = buffer.shape
     top, bottom = max(0.0, np.ceil(min(v0, v1, v2))), min(height - 1.0, np.floor(max(v0, v1, v2)))
     left, right = max(0.0, np.ceil(min(u0, u1, u2))), min(width - 1.0, np.floor(max(u0, u1, u2)))
@@ -35,42 +43,37 @@ def draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, buffer):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
-def draw_surface(depth, returned, u, v, key, slope, offset, front, back):
+def draw_surface(depth, returned, places, allowance, front, back):
     """Draw the surface of an image, and what bounds the space that it hides.
 
     Args:
         depth: Image the surface is taken from, metres, 0 = nothing there.
         returned: Whether a depth was measured; others only bound hidden space.
-        u: Column of each of its pixels in the buffers; NaN for nowhere.
-        v: Row of each of its pixels in the buffers.
-        key: What is drawn, larger in front; it must be linear in (u, v) over a plane, as inverse depth is.
-        slope: Depths z of one surface may differ by slope * z + offset within a triangle.
-        offset: In metres.
+        places: Column u (NaN for nowhere) and row v of each of its pixels in the buffers, and the key: what is drawn,
+            larger in front; it must be linear in (u, v) over a plane, as inverse depth is.
+        allowance: Slope and offset (m): depths z of one surface may differ by slope * z + offset within a triangle.
         front: Buffer of the surface, seen from the side that the image shows; starts at the smallest key of interest.
         back: Buffer of the surface seen from behind, and of the curtains from its edges to the background.
     """
+    (u, v, key), (slope, offset) = places, allowance
     for row in range(depth.shape[0] - 1):
         for column in range(depth.shape[1] - 1):
             # Both triangles of a square of pixels share the corners 1 (to the right) and 2 (below).
             z1, z2 = depth[row, column + 1], depth[row + 1, column]
             if not (z1 > 0 and z2 > 0):
                 continue
-            u1, v1, key1 = u[row, column + 1], v[row, column + 1], key[row, column + 1]
-            u2, v2, key2 = u[row + 1, column], v[row + 1, column], key[row + 1, column]
+            right = u[row, column + 1], v[row, column + 1], key[row, column + 1]
+            below = u[row + 1, column], v[row + 1, column], key[row + 1, column]
             measured = returned[row, column + 1] and returned[row + 1, column]
-            for first in range(2):
-                z0 = depth[row + first, column + first]
-                u0, v0, key0 = (
-                    u[row + first, column + first],
-                    v[row + first, column + first],
-                    key[row + first, column + first],
-                )
-                if not z0 > 0 or np.isnan(u0 + u1 + u2):
+            for step in range(2):
+                i, j = row + step, column + step
+                z0, corner = depth[i, j], (u[i, j], v[i, j], key[i, j])
+                if not z0 > 0 or np.isnan(corner[0] + right[0] + below[0]):
                     continue
                 # The second triangle is listed the other way round.
-                turn = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+                turn = (right[0] - corner[0]) * (below[1] - corner[1]) - (below[0] - corner[0]) * (right[1] - corner[1])
                 nearest = min(z0, z1, z2)
-                if max(z0, z1, z2) - nearest > slope * nearest + offset or (turn > 0) != (first == 0):
-                    draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, back)
-                elif measured and returned[row + first, column + first]:
-                    draw_triangle(u0, v0, key0, u1, v1, key1, u2, v2, key2, front)
+                if max(z0, z1, z2) - nearest > slope * nearest + offset or (turn > 0) != (step == 0):
+                    draw_triangle(corner, right, below, back)
+                elif measured and returned[i, j]:
+                    draw_triangle(corner, right, below, front)
