@@ -30,7 +30,7 @@ from bayesgrasp.depth.kinect import (
     quantised,
     steep_sigma,
 )
-from bayesgrasp.depth.match_kernels import edge_shift, interpolate, lattice_weights, no_matches, ray_to_second_eye
+from bayesgrasp.depth.match_kernels import edge_shift, interpolate, no_matches, pixel_weights, ray_to_second_eye
 from bayesgrasp.depth.ray_kernels import cosine_at, inverse_depth_at, table_cosine
 
 
@@ -106,8 +106,7 @@ def match(frame, around, pixels, constants):
     view, planes, region = frame.camera, around.planes, around.region
     rows, columns, near, shaded = pixels.rows, pixels.columns, around.near, around.hidden
     disparity, cosine, ray, origins, directions = no_matches(len(rows) * len(columns))
-    by_row = lattice_weights(rows, region.row, constants.noise_pitch)
-    by_column = lattice_weights(columns, region.column, constants.noise_pitch)
+    by_row, by_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     i, used = -1, 0
     for k in range(len(rows)):
         for j in range(len(columns)):
@@ -172,8 +171,7 @@ def sense_table(frame, pixels, constants):
     """Step 4 for the bare table: fill the image; see `frame`. The frame's noise is of the measured depth."""
     view, limits, rows, columns, image = frame.camera, frame.limits, pixels.rows, pixels.columns, pixels.image
     m, gain = view.ray_matrix, constants.axial_gain
-    by_row = lattice_weights(rows, 0, constants.noise_pitch)
-    by_column = lattice_weights(columns, 0, constants.noise_pitch)
+    by_row, by_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
     noise, steep, disparity = np.empty(len(columns)), np.zeros(len(columns)), np.empty(len(columns))
     # The table's inverse depth is affine in the pixel (`ray_kernels`), so a row of it is a slope and an offset.
     slope = -m[2, 0] / view.origin[2] * DEPTH_CONSTANT
@@ -200,10 +198,9 @@ def sense_matches(frame, around, pixels, constants, matches, blocked):
 
     `blocked` is at least 0 for each ray that met the object on its way to the projector.
     """
-    rows, columns, image, region = pixels.rows, pixels.columns, pixels.image, around.region
-    pitch = constants.noise_pitch
-    by_row, by_column = lattice_weights(rows, 0, pitch), lattice_weights(columns, 0, pitch)
-    local_row, local_column = lattice_weights(rows, region.row, pitch), lattice_weights(columns, region.column, pitch)
+    columns, image, region = pixels.columns, pixels.image, around.region
+    by_row, by_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
+    local_row, local_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     for k in range(len(matches.ray)):
         i, j = k // len(columns), k % len(columns)
         ray, q, cosine = matches.ray[k], matches.disparity[k], matches.cosine[k]

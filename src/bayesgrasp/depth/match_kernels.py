@@ -42,6 +42,13 @@ def lattice_weights(pixels, start, pitch):
 
 @no_type_check
 @njit(cache=True, nogil=True, error_model="numpy")
+def pixel_weights(pixels, row, column, pitch):
+    """`lattice_weights` of the rows and of the columns of pixels, for a lattice that begins at a row and a column."""
+    return lattice_weights(pixels.rows, row, pitch), lattice_weights(pixels.columns, column, pitch)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
 def interpolate(lattice, by_row, by_column, i, j):
     """The lattice at the i-th row and j-th column of a pair of `lattice_weights`."""
     r, a, b = by_row[0][i], by_row[1][i], by_row[2][i]

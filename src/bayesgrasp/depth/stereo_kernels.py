@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from bayesgrasp.depth.frame import BARE_TABLE, TABLE, Matches
-from bayesgrasp.depth.match_kernels import edge_shift, interpolate, lattice_weights, no_matches, ray_to_second_eye
+from bayesgrasp.depth.match_kernels import edge_shift, interpolate, no_matches, pixel_weights, ray_to_second_eye
 from bayesgrasp.depth.ray_kernels import cosine_at, inverse_depth_at, table_cosine
 
 EDGE_DEVIATION = 0.8
@@ -50,8 +50,8 @@ def sense_table(frame, pixels, constants):
     """The bare table: fill the image; see `frame`. The frame's noise is of disparities, then of texture."""
     view, rows, columns, image = frame.camera, pixels.rows, pixels.columns, pixels.image
     error, texture = frame.noise
-    error_row, error_column = _both_weights(pixels, constants.noise_pitch)
-    blob_row, blob_column = _both_weights(pixels, constants.texture_pitch)
+    error_row, error_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
+    blob_row, blob_column = pixel_weights(pixels, 0, 0, constants.texture_pitch)
     for i in range(len(rows)):
         for j in range(len(columns)):
             u, v = columns[j], rows[i]
@@ -59,13 +59,6 @@ def sense_table(frame, pixels, constants):
             weak = weakness(table_cosine(view, u, v), interpolate(texture, blob_row, blob_column, i, j), constants)
             noise = interpolate(error, error_row, error_column, i, j)
             image[i, j] = returned_depth(disparity, u, weak, noise, constants, frame.limits)
-
-
-@no_type_check
-@njit(cache=True, nogil=True, error_model="numpy")
-def _both_weights(pixels, pitch):
-    """Weights of a lattice over the whole image, for rows and for columns."""
-    return lattice_weights(pixels.rows, 0, pitch), lattice_weights(pixels.columns, 0, pitch)
 
 
 @no_type_check
@@ -109,8 +102,7 @@ def match(frame, around, pixels, constants):
     view, planes, region = frame.camera, around.planes, around.region
     rows, columns, near, hidden = pixels.rows, pixels.columns, around.near, around.hidden
     disparity, cosine, ray, origins, directions = no_matches(len(rows) * len(columns))
-    by_row = lattice_weights(rows, region.row, constants.noise_pitch)
-    by_column = lattice_weights(columns, region.column, constants.noise_pitch)
+    by_row, by_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     i, used = -1, 0
     for k in range(len(rows)):
         for j in range(len(columns)):
@@ -152,8 +144,8 @@ def sense_matches(frame, pixels, constants, matches, blocked):
     """
     columns, image = pixels.columns, pixels.image
     error, texture = frame.noise
-    error_row, error_column = _both_weights(pixels, constants.noise_pitch)
-    blob_row, blob_column = _both_weights(pixels, constants.texture_pitch)
+    error_row, error_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
+    blob_row, blob_column = pixel_weights(pixels, 0, 0, constants.texture_pitch)
     for k in range(len(matches.ray)):
         i, j = k // len(columns), k % len(columns)
         ray, disparity = matches.ray[k], matches.disparity[k]
