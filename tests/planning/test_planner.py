@@ -112,6 +112,17 @@ def test_plain_data_is_json_with_the_promised_keys(plan) -> None:
     assert content["posterior"]["samples"] == 300
 
 
+def test_an_unknown_success_probability_is_no_number_in_json(thumb_planner, depth) -> None:
+    likelihood = replace(thumb_planner.likelihood, success_probability=lambda value: value * torch.nan)
+    plan = replace(thumb_planner, likelihood=likelihood).plan(depth, CAMERA, top=3)
+    scores = [grasp.log_posterior for grasp in plan.grasps]
+    assert len(scores) == 3
+    assert scores == sorted(scores, reverse=True), "where all are alike, the posterior decides"
+    content = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
+    assert [grasp["success_probability"] for grasp in content["grasps"]] == [None] * 3
+    assert plan.grasps[0].chance == "success probability unknown"
+
+
 def test_same_seed_same_plan(thumb_planner, depth) -> None:
     first, second, other = (thumb_planner.plan(depth, CAMERA, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.grasps[0].hand_to_world, second.grasps[0].hand_to_world)

@@ -128,7 +128,7 @@ def describe(plan: Plan) -> str:
         x, y, z = grasp.hand_to_world[:3, 3]
         lines.append(
             f"{rank}. {grasp.grasp_type.name.lower():5} palm at ({x:+.3f}, {y:+.3f}, {z:+.3f}) m, "
-            f"log posterior {grasp.log_posterior:.2f}, estimated success {100 * grasp.success_probability:.0f} %"
+            f"log posterior {grasp.log_posterior:.2f}, {grasp.chance}"
         )
     stages = ", ".join(f"{name} {ms:.0f}" for name, ms in plan.timings_ms.items() if name != "total")
     return "\n".join([*lines, f"planned in {plan.timings_ms['total']:.0f} ms ({stages})"])

@@ -86,8 +86,7 @@ def _headline(plan: Plan) -> str:
     if not plan.grasps:
         return plan.reason or ""
     best = plan.grasps[0]
-    text = f"{best.grasp_type.name.lower()} grasp, log posterior {best.log_posterior:.1f}"
-    return f"{text}, estimated success {100 * best.success_probability:.0f} %"
+    return f"{best.grasp_type.name.lower()} grasp, log posterior {best.log_posterior:.1f}, {best.chance}"
 
 
 def _draw_hand(axes: Axes, grasp: Grasp, camera: Camera, hand: OpenHand) -> None:

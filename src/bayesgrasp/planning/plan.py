@@ -47,7 +47,7 @@ class Grasp:
         hand_to_camera: The same in the frame of the user's camera.
         grasp_type: Grasp type.
         log_posterior: log p(h | S=1, i), nats, as `Posterior.log_prob` gives it.
-        success_probability: Estimate of p(S=1 | i, h).
+        success_probability: Estimate of p(S=1 | i, h); NaN where the model does not know it.
         on_object: Share of the measured object points that lie between the fingers.
         clearance: Least distance of the open hand, on its straight way to h, from the measured points above the
             table, metres; slightly negative within the sensor's noise.
@@ -63,13 +63,19 @@ class Grasp:
     clearance: float
     motion: Motion
 
+    @property
+    def chance(self) -> str:
+        """The success probability in words."""
+        known = np.isfinite(self.success_probability)
+        return f"estimated success {100 * self.success_probability:.0f} %" if known else "success probability unknown"
+
     def to_dict(self) -> dict[str, Any]:
         """As plain data; metres, radians, quaternions (w, x, y, z)."""
         return {
             **_pose_to_dict(self.hand_to_world),
             "grasp_type": self.grasp_type.name.lower(),
             "log_posterior": self.log_posterior,
-            "success_probability": self.success_probability,
+            "success_probability": self.success_probability if np.isfinite(self.success_probability) else None,
             "object_between_fingers": self.on_object,
             "clearance": self.clearance if np.isfinite(self.clearance) else None,
             "in_camera_frame": _pose_to_dict(self.hand_to_camera),
