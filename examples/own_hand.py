@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from bayesgrasp.lift.lift_test import LiftTest
-from bayesgrasp.objects.catalogue import load_objects
+import bayesgrasp as bg
 from bayesgrasp.robot.gripper import GripperDescription, Joint, Link, Motor, Preshape, Shape
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import Attempts, GraspType, Outcome
@@ -78,11 +77,11 @@ def main(turns: int = 12) -> dict[str, list[float]]:
     Returns:
         By hand, the turns (degrees) at which it lifts the box.
     """
-    objects = load_objects(["household_tea_box"])
+    objects = bg.load_objects(["household_tea_box"])
     angles = np.linspace(0.0, 180.0, turns, endpoint=False)
     lifted = {}
     for gripper in (two_fingers(), robotiq_3f()):
-        outcomes = LiftTest(objects, gripper=gripper).run(from_above(turns, height=gripper.closing_depth + 0.06))
+        outcomes = bg.LiftTest(objects, gripper=gripper).run(from_above(turns, height=gripper.closing_depth + 0.06))
         lifted[gripper.name] = angles[outcomes == Outcome.SUCCESS].tolist()
         print(f"{gripper.name} lifts the box when turned by {lifted[gripper.name]} degrees, of {angles.tolist()}")
     return lifted

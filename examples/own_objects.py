@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from bayesgrasp import load
+import bayesgrasp as bg
 from bayesgrasp.evaluation.demonstration import demonstrate
-from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.types import Outcome
 
 
@@ -32,10 +31,10 @@ def main(mesh: Path, mass: float, scenes: int = 5) -> list[Outcome | None]:
         mass: Its mass, kilograms.
         scenes: How many poses.
     """
-    (bottle,) = load_objects(mesh=mesh, mass=mass)
+    (bottle,) = bg.load_objects(mesh=mesh, mass=mass)
     extents = " x ".join(f"{100 * side:.1f}" for side in bottle.extents)
     print(f"{bottle.id}: {extents} cm, {bottle.mass_kg} kg, {len(bottle.parts)} convex parts")
-    planner, outcomes = load(), []
+    planner, outcomes = bg.load(), []
     for seed in range(scenes):
         shown = demonstrate(planner, bottle, seed)
         print(f"scene {seed}: {shown.outcome.name.lower() if shown.outcome is not None else shown.plan.reason}")

@@ -9,29 +9,25 @@ millimetres or a NumPy array; `docs/planning.md` shows a camera file.
 import sys
 from pathlib import Path
 
-from bayesgrasp import load
-from bayesgrasp.evaluation.scenes import SceneMaker
-from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.objects.catalogue import load_objects
-from bayesgrasp.observation.depth_files import read_depth, write_depth_png
-from bayesgrasp.planning.plan import Plan
+import bayesgrasp as bg
+from bayesgrasp.observation.depth_files import write_depth_png
 
 
 def take_picture(depth: Path, camera: Path) -> None:
     """Write the files that a depth camera of your own would give."""
-    situation = SceneMaker(load_objects(["household_drink_can"]), seed=0).make(0)
+    situation = bg.SceneMaker(bg.load_objects(["household_drink_can"]), seed=0).make(0)
     write_depth_png(depth, situation.depth)
-    canonical_camera().save(camera)
+    bg.canonical_camera().save(camera)
 
 
-def main(depth: Path, camera: Path) -> Plan:
+def main(depth: Path, camera: Path) -> bg.Plan:
     """Plan, and say what came out.
 
     Args:
         depth: Depth image.
         camera: Intrinsics and, where it is known, the pose of the camera.
     """
-    plan = load().plan(read_depth(depth), Camera.load(camera))
+    plan = bg.load().plan(bg.read_depth(depth), bg.Camera.load(camera))
     for warning in plan.warnings:
         print(f"warning: {warning}")
     if plan.reason is not None:

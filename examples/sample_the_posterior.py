@@ -8,23 +8,17 @@ a hand may come from many sides, and the marginal of the approach direction show
 
 import numpy as np
 
-from bayesgrasp import load
-from bayesgrasp.evaluation.scenes import SceneMaker
-from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.objects.catalogue import load_objects
-from bayesgrasp.posterior.posterior import Posterior
-from bayesgrasp.types import GraspType
+import bayesgrasp as bg
 
 
-def main(draws: int = 2000) -> Posterior:
+def main(draws: int = 2000) -> bg.Posterior:
     """Plan on an image and look at its posterior.
 
     Args:
         draws: How many hands to draw.
     """
-    situation = SceneMaker(load_objects(["household_drink_can"]), seed=0).make(0)
-    posterior = load().plan(situation.depth, canonical_camera()).posterior
-    assert posterior is not None  # there is a can in the image
+    situation = bg.SceneMaker(bg.load_objects(["household_drink_can"]), seed=0).make(0)
+    posterior = bg.load().posterior(situation.depth, bg.canonical_camera())
 
     drawn = posterior.sample(draws, seed=0)
     print(f"{draws} draws, worth {drawn.effective_sample_size:.0f} independent ones")
@@ -32,7 +26,7 @@ def main(draws: int = 2000) -> Posterior:
     print(f"p(S=1 | i, h) of the draws: {posterior.success_probability(drawn.hands).mean():.2f} on average")
 
     marginals = posterior.marginals(draws, seed=0, bins=8)
-    for grasp_type in GraspType:
+    for grasp_type in bg.GraspType:
         print(f"p({grasp_type.name.lower():5} | S=1, i) = {marginals.grasp_type[grasp_type]:.2f}")
     bands = marginals.approach.density.sum(axis=1)
     tilts = np.degrees(np.arccos(-marginals.approach.height))

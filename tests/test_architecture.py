@@ -208,6 +208,31 @@ def test_a_file_is_short(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= MOST_LINES
 
 
+def oddities(source: str) -> list[str]:
+    """Functions of many parameters, and classes, protocols aside, whose instances are called like functions."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef):
+            names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            if len([name for name in names if name not in {"self", "cls"}]) > MOST_PARAMETERS:
+                found.append(f"{node.name} takes more than {MOST_PARAMETERS} parameters")
+        elif isinstance(node, ast.ClassDef) and not any("Protocol" in ast.unparse(base) for base in node.bases):
+            calls = any(isinstance(method, ast.FunctionDef) and method.name == "__call__" for method in node.body)
+            found += [f"{node.name} is called"] if calls else []
+    return found
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name not in ONE_FILE_A_COMMAND], ids=module_name)
+def test_functions_take_few_parameters_and_methods_are_verbs(path: Path) -> None:
+    assert oddities(path.read_text()) == []
+
+
+def test_planted_oddities_are_caught() -> None:
+    call = "    def __call__(self): ..."
+    assert oddities(f"class A(Protocol):\n{call}\ndef f(self, a, b, c, d, *, e, f, g, h, **more): ...") == []
+    assert len(oddities(f"class A(B):\n{call}\ndef f(a, b, c, d, e, f, g, /, h, *, i): ...")) == 2
+
+
 @pytest.mark.parametrize(
     ("module", "source"),
     [

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from bayesgrasp.generation.pool import InProcess
 from bayesgrasp.types import Outcome
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -53,7 +54,7 @@ def test_own_objects(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def test_train_small() -> None:
     """Too little to learn from, but enough to go through."""
-    example("train_small")(Path("small"), attempts=2048, epochs=1, workers=1)
+    example("train_small")(Path("small"), attempts=512, epochs=1, executor=InProcess())
     assert Path("small/model/success.safetensors").exists()
 
 
