@@ -105,6 +105,7 @@ def match(frame, around, pixels, constants):
     """
     view, planes, region = frame.camera, around.planes, around.region
     rows, columns, near, shaded = pixels.rows, pixels.columns, around.near, around.hidden
+    along_rows, along_columns = around.noise[0], around.noise[1]
     disparity, cosine, ray, origins, directions = no_matches(len(rows) * len(columns))
     by_row, by_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     i, used = -1, 0
@@ -115,8 +116,8 @@ def match(frame, around, pixels, constants):
                 disparity[i] = BARE_TABLE
                 continue
             r, c = rows[k] - region.row, columns[j] - region.column
-            noise_v = interpolate(around.noise[0], by_row, by_column, k, j)
-            noise_u = interpolate(around.noise[1], by_row, by_column, k, j)
+            noise_v = interpolate(along_rows, by_row, by_column, k, j)
+            noise_u = interpolate(along_columns, by_row, by_column, k, j)
             at_r, at_c = moved_pixel(view, planes, region, constants, noise_v, noise_u, r, c)
             if is_edge(view, planes, region, constants, r, c, at_r, at_c):
                 r, c = at_r, at_c
@@ -170,7 +171,7 @@ def returns_nothing(cosine, noise, constants):
 def sense_table(frame, pixels, constants):
     """Step 4 for the bare table: fill the image; see `frame`. The frame's noise is of the measured depth."""
     view, limits, rows, columns, image = frame.camera, frame.limits, pixels.rows, pixels.columns, pixels.image
-    m, gain = view.ray_matrix, constants.axial_gain
+    m, gain, axial = view.ray_matrix, constants.axial_gain, frame.noise[0]
     by_row, by_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
     noise, steep, disparity = np.empty(len(columns)), np.zeros(len(columns)), np.empty(len(columns))
     # The table's inverse depth is affine in the pixel (`ray_kernels`), so a row of it is a slope and an offset.
@@ -179,7 +180,7 @@ def sense_table(frame, pixels, constants):
         v = rows[i]
         offset = -(m[2, 1] * v + m[2, 2]) / view.origin[2] * DEPTH_CONSTANT
         for j in range(len(columns)):
-            noise[j] = interpolate(frame.noise[0], by_row, by_column, i, j)
+            noise[j] = interpolate(axial, by_row, by_column, i, j)
             disparity[j] = offset + slope * columns[j]
         # Along a row the tilt is largest at one of the ends.
         if min(table_cosine(view, columns[0], v), table_cosine(view, columns[-1], v)) < COS_TILT_START:
@@ -199,6 +200,7 @@ def sense_matches(frame, around, pixels, constants, matches, blocked):
     `blocked` is at least 0 for each ray that met the object on its way to the projector.
     """
     columns, image, region = pixels.columns, pixels.image, around.region
+    axial, grazing = frame.noise[0], around.noise[2]
     by_row, by_column = pixel_weights(pixels, 0, 0, constants.noise_pitch)
     local_row, local_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     for k in range(len(matches.ray)):
@@ -208,7 +210,7 @@ def sense_matches(frame, around, pixels, constants, matches, blocked):
             continue
         image[i, j] = 0.0
         if q > 0 and (ray < 0 or blocked[ray] < 0):
-            drop = interpolate(around.noise[2], local_row, local_column, i, j)
+            drop = interpolate(grazing, local_row, local_column, i, j)
             if not returns_nothing(cosine, drop, constants):
-                noise = interpolate(frame.noise[0], by_row, by_column, i, j)
+                noise = interpolate(axial, by_row, by_column, i, j)
                 image[i, j] = returned_depth(q, steep_sigma(q, cosine), noise, constants.axial_gain, frame.limits)

@@ -101,6 +101,7 @@ def match(frame, around, pixels, constants):
     """
     view, planes, region = frame.camera, around.planes, around.region
     rows, columns, near, hidden = pixels.rows, pixels.columns, around.near, around.hidden
+    of_edges, of_holes = around.noise[0], around.noise[1]
     disparity, cosine, ray, origins, directions = no_matches(len(rows) * len(columns))
     by_row, by_column = pixel_weights(pixels, region.row, region.column, constants.noise_pitch)
     i, used = -1, 0
@@ -114,7 +115,7 @@ def match(frame, around, pixels, constants):
             r, c = v - region.row, u - region.column
             if region.inverse_depth[r, c] <= 0:
                 continue
-            edge = interpolate(around.noise[0], by_row, by_column, k, j)
+            edge = interpolate(of_edges, by_row, by_column, k, j)
             # A nearer surface with half of the window wins in any case, and none does with next to nothing of it.
             share = min(max(constants.fattening + constants.fattening_spread * edge, 0.05), 0.5)
             kind, disparity[i], plane = windowed_match(region, constants, share, r, c)
@@ -123,7 +124,7 @@ def match(frame, around, pixels, constants):
                 continue  # a surface taken from beside this pixel is one that both cameras see
             w = region.inverse_depth[r, c]
             if plane == TABLE:  # the borders of holes wander
-                u += edge_shift(EDGE_DEVIATION, interpolate(around.noise[1], by_row, by_column, k, j))
+                u += edge_shift(EDGE_DEVIATION, interpolate(of_holes, by_row, by_column, k, j))
                 w = inverse_depth_at(view, planes, TABLE, u, v)
                 if w <= 0 or not hidden[v, 0] <= u < hidden[v, 1]:
                     continue
