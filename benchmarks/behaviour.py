@@ -24,7 +24,7 @@ import bayesgrasp
 from bayesgrasp.files import write_json
 
 Record = dict[str, Any]
-TIMES = ("seconds", "time", "timings")
+TIMES = ("second", "time", "timings")
 """Numbers under names that contain one of these are times of this run, not results."""
 
 
