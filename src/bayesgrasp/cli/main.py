@@ -1,7 +1,10 @@
 """The one entry point: finds the command, turns its signature into options, and turns our errors into one line.
 
 A command is a typed, documented function in a file of its own; it is imported only when it is the one to run, so
-that ``bayesgrasp --help`` answers at once. Exit codes: 0 done, 2 wrong input or options, 130 interrupted.
+that ``bayesgrasp --help`` answers at once.
+
+Exit codes: 0 done; 2 wrong input or options, or a disk that is full or refuses, said in one line; 130 interrupted
+(Ctrl-C); 143 terminated (SIGTERM); 141 standard output was closed by its reader. 1, with a traceback, is a bug.
 """
 
 import importlib
@@ -11,10 +14,18 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from bayesgrasp.cli.endings import (
+    EXIT_CLOSED,
+    EXIT_ERROR,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    OrderlyEnd,
+    TerminatedError,
+    output_is_closed,
+    turn_output_off,
+)
 from bayesgrasp.errors import BayesgraspError
-
-EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
+from bayesgrasp.files import NO_ROOM
 
 
 @dataclass(frozen=True)
@@ -78,23 +89,39 @@ def main(args: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if args is None else args)
     logging.basicConfig(level=logging.INFO if "--verbose" in words else logging.WARNING, format="%(name)s: %(message)s")
     words = [word for word in words if word != "--verbose"]
-    try:
-        _dispatch(words)
-    except BayesgraspError as error:
-        print(f"error: {error}", file=sys.stderr)
-        raise SystemExit(EXIT_ERROR) from error
-    except OSError as error:
-        # A file that the user named; without a name it is a failure of ours, whose traceback is wanted.
-        if error.filename is None:
-            raise
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
-        raise SystemExit(EXIT_ERROR) from error
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        raise SystemExit(EXIT_INTERRUPTED) from None
+    with OrderlyEnd() as end:
+        try:
+            _dispatch(words, end)
+            sys.stdout.flush()
+        except BayesgraspError as error:
+            raise _leave(EXIT_ERROR, f"error: {error}") from error
+        except OSError as error:
+            raise _after_failure(error) from error
+        except KeyboardInterrupt:
+            raise _leave(EXIT_INTERRUPTED, "interrupted") from None
+        except TerminatedError:
+            raise _leave(EXIT_TERMINATED, "terminated") from None
 
 
-def _dispatch(words: list[str]) -> None:
+def _leave(code: int, message: str) -> SystemExit:
+    print(message, file=sys.stderr)
+    return SystemExit(code)
+
+
+def _after_failure(error: OSError) -> BaseException:
+    """The end that a failure of the operating system asks for; the failure itself where it is one of ours."""
+    if isinstance(error, BrokenPipeError) and output_is_closed():
+        turn_output_off()
+        return SystemExit(EXIT_CLOSED)
+    if error.filename is not None:  # a file that the user named
+        return _leave(EXIT_ERROR, f"error: {error.filename}: {error.strerror}")
+    if error.errno in NO_ROOM:
+        turn_output_off()
+        return _leave(EXIT_ERROR, f"error: standard output cannot be written: {error.strerror}")
+    return error
+
+
+def _dispatch(words: list[str], end: OrderlyEnd) -> None:
     if words == ["--version"]:
         print(f"bayesgrasp {importlib.metadata.version('bayesgrasp')}")
         return
@@ -102,14 +129,16 @@ def _dispatch(words: list[str]) -> None:
         print(_overview(COMMANDS))
         return
     name = _find(words)
-    _run(name, words[len(name.split()) :])
+    _run(name, words[len(name.split()) :], end)
 
 
-def _run(name: str, options: list[str]) -> None:
+def _run(name: str, options: list[str], end: OrderlyEnd) -> None:
     # Imported here, so that `bayesgrasp --help` does not wait for it.
     import tyro
 
-    tyro.cli(COMMANDS[name].load(), prog=f"bayesgrasp {name}", args=options, config=(tyro.conf.DisallowNone,))
+    command = COMMANDS[name].load()
+    end.loaded()
+    tyro.cli(command, prog=f"bayesgrasp {name}", args=options, config=(tyro.conf.DisallowNone,))
 
 
 def _find(words: list[str]) -> str:

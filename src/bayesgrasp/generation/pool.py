@@ -108,7 +108,12 @@ class _Worker(Generic[Task, Result]):
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, self.build), daemon=True)
-        self.process.start()
+        # Born with Ctrl-C held back: it is the owner's to handle, also while a worker is still importing.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     def give(self, task: Task) -> None:
@@ -202,7 +207,8 @@ class _TaskPass(Generic[Task, Result]):
 def _serve(pipe: Connection, build: Callable[[], Work[Any, Any]]) -> None:
     """What a worker process does: build once, then answer tasks until the owner is gone."""
     threading.Thread(target=_leave_with_owner, daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:
         try:
             task = pipe.recv()
