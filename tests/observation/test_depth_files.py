@@ -47,6 +47,12 @@ def test_nan_is_a_hole_only_if_asked(depth):
     assert (checked_depth(depth, nan_is_hole=True)[10:22] == 0).all()
 
 
+def test_a_signalling_nan_is_one_too(depth):
+    depth.view(np.uint32)[10, 10] = 0x7F800001
+    with pytest.raises(DepthImageError, match="1 of 3072 pixels are NaN"):
+        checked_depth(depth)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -66,7 +66,8 @@ def checked_depth(
         raise DepthImageError(f"depths must be integers or floating-point numbers, got {shown(stored.dtype)}")
     if stored.dtype.itemsize == 1:
         raise DepthImageError("8-bit numbers cannot hold depths; this looks like a picture of a depth image")
-    depth = _one_channel(stored).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of a signalling NaN, which is refused like any other
+        depth = _one_channel(stored).astype(np.float64)
     if nan_is_hole:
         depth = np.where(np.isfinite(depth), depth, 0.0)
     _check_values(depth)

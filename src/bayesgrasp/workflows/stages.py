@@ -84,8 +84,8 @@ class Stages:
                 raise InvalidConfigurationError(f"{self.path} cannot be read: {clipped(error)}") from error
             if found != self.settings:
                 raise InvalidConfigurationError(
-                    f"{out} holds an experiment with other settings (scale {found.get('scale')}, seed "
-                    f"{found.get('seed')}); give the same ones, or another --out"
+                    f"{out} holds an experiment with other settings (scale {clipped(found.get('scale'), 20)}, seed "
+                    f"{clipped(found.get('seed'), 20)}); give the same ones, or another --out"
                 )
         self._write()
 
