@@ -123,6 +123,7 @@ def test_bad_content_is_refused_by_name(changes: dict[str, object], message: str
         ({"intrinsics__fx": 1e300}, r"at most 1e\+06 pixels"),
         ({"intrinsics__cy": -1e9}, r"at most 1e\+06 pixels"),
         ({"intrinsics__width": 1e30}, "at most 50,000,000 pixels"),
+        ({"intrinsics__width": 1e300, "intrinsics__height": 1e300}, "at most 50,000,000 pixels"),
         ({"intrinsics__width": 10_000, "intrinsics__height": 10_000}, "at most 50,000,000 pixels"),
         ({"intrinsics__width": "x" * 10**6}, r"intrinsics\.width must be a number"),
         ({"camera_to_world__translation_m": ["0.4", "0.0", "0.7"]}, "translation_m must be an array"),

@@ -215,7 +215,7 @@ def _check_intrinsics(camera: Camera) -> None:
         raise DepthImageError(f"camera intrinsics must be finite numbers, got {found}")
     if camera.width < 1 or camera.height < 1:
         raise DepthImageError(f"a camera needs at least one pixel each way, got {values[0]:g} x {values[1]:g}")
-    if values[0] * values[1] > MOST_PIXELS:
+    if camera.width * camera.height > MOST_PIXELS:
         raise DepthImageError(
             f"an image has at most {MOST_PIXELS:,} pixels, the intrinsics are for {values[0]:g} x {values[1]:g}"
         )

@@ -27,6 +27,8 @@ from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
 AXIS_COLORS = ("tab:red", "tab:green", "tab:blue")
+DOTS = 120
+"""Of a figure, an inch."""
 MOST_DOTS = 2000
 """More draws than this are thinned in the clouds."""
 
@@ -34,10 +36,15 @@ MOST_DOTS = 2000
 def save_plan_figure(
     path: Path, plan: Plan, depth: Float[np.ndarray, "h w"], camera: Camera, hand: OpenHand, title: str = ""
 ) -> None:
-    """Draw a plan.
+    """Draw a plan into a file, whose suffix chooses the format; the other arguments as for `plan_figure`."""
+    figure = plan_figure(plan, depth, camera, hand, title)
+    write_through(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=DOTS))
+
+
+def plan_figure(plan: Plan, depth: Float[np.ndarray, "h w"], camera: Camera, hand: OpenHand, title: str = "") -> Figure:
+    """A plan as a figure.
 
     Args:
-        path: Where to; the suffix chooses the format.
         plan: With samples, else the marginals stay empty.
         depth: The user's depth image, metres.
         camera: The user's camera.
@@ -54,7 +61,7 @@ def save_plan_figure(
     right = grid[3].subgridspec(2, 1)
     _draw_types(figure.add_subplot(right[0]), marginals)
     _draw_coordinates(figure.add_subplot(right[1]), marginals)
-    write_through(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=120))
+    return figure
 
 
 def draw_grasps(

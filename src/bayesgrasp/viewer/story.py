@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
+import io
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from bayesgrasp.evaluation.demonstration import Demonstration
 from bayesgrasp.files import write_through
 from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.planning.figure import save_plan_figure
+from bayesgrasp.planning.figure import DOTS, plan_figure
 from bayesgrasp.planning.planner import Planner
 from bayesgrasp.viewer.film import film_attempt
 from bayesgrasp.viewer.raycast import contact_sheet
@@ -22,10 +22,10 @@ FRAMES = 7
 
 def draw_story(path: Path, planner: Planner, shown: Demonstration) -> None:
     """The plan's figure above a film strip of its lift test, as a .png file."""
-    with tempfile.TemporaryDirectory() as scratch:
-        figure = Path(scratch) / "plan.png"
-        save_plan_figure(figure, shown.plan, shown.situation.depth, canonical_camera(), planner.robot.hand)
-        pictures = [Image.open(figure).convert("RGB")]
+    content = io.BytesIO()
+    figure = plan_figure(shown.plan, shown.situation.depth, canonical_camera(), planner.robot.hand)
+    figure.savefig(content, format="png", dpi=DOTS)
+    pictures = [Image.open(content).convert("RGB")]
     frames = [] if shown.attempt is None else film_attempt((shown.situation.asset,), shown.attempt, FRAMES)
     if frames and shown.outcome is not None:
         ending = shown.outcome.name.lower().replace("_", " ")
