@@ -57,7 +57,8 @@ def save_state(
         tensors |= {f"{prefix}.{name}": value for name, value in module.state_dict().items()}
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in moments.items()}
-    write_tensors(path, tensors, {"state": json.dumps(asdict(state)), "sha256": _digest(tensors)})
+    counters = json.dumps(asdict(state))
+    write_tensors(path, tensors, {"state": counters, "sha256": _digest(tensors, counters)})
 
 
 def load_state(
@@ -78,7 +79,7 @@ def load_state(
         state = restored(TrainingState, parsed_json(metadata["state"]))
     except (KeyError, ValueError) as error:
         raise CheckpointError(f"{path} is not a saved training state: {clipped(error)}") from error
-    if metadata.get("sha256") != _digest(tensors):
+    if metadata.get("sha256") != _digest(tensors, metadata["state"]):
         raise CheckpointError(f"{path} was damaged or altered after it was saved; take it away to train from the start")
     if state.fingerprint != fingerprint:
         raise CheckpointError(
@@ -91,9 +92,9 @@ def load_state(
     return state
 
 
-def _digest(tensors: dict[str, Tensor]) -> str:
-    """SHA-256 of names and values."""
-    found = hashlib.sha256()
+def _digest(tensors: dict[str, Tensor], counters: str) -> str:
+    """SHA-256 of counters, names and values."""
+    found = hashlib.sha256(counters.encode())
     for name in sorted(tensors):
         found.update(name.encode())
         found.update(tensors[name].detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
