@@ -31,6 +31,7 @@ class Stream(Enum):
     SCENE_ORDER = (5,)  # epoch: order of scenes
     ATTEMPT_ORDER = (9,)  # epoch: order of attempts
     REFRESH = (10,)  # epoch: order of attempts, and the fresh poses of successes
+    QUARTER_TURN = (30,)  # step: quarter turns of attempts
     TURNS = (11,)  # epoch: order of batches of several sources
     CHECK = (12,)  # batch: pairs that the checks after training draw
     POWER = (13,)  # batch, scene: hands that the power of a posterior is fitted with

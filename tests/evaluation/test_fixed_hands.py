@@ -1,7 +1,8 @@
-"""Halving finds the best of fixed hands, all of them tried in the same scenes."""
+"""Halving finds the best of fixed hands, and the shipped estimator of r(S | h) finds one as good."""
 
 import math
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,19 @@ import torch
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.baselines.fixed_hands import Blindfold, Round, halve
 from bayesgrasp.geometry import so3
+from bayesgrasp.lift.lift_test import LiftTest
+from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.posterior.ascent import AscentConfig, find_map
+from bayesgrasp.posterior.potential import likelihood_potential, posterior_potential
 from bayesgrasp.prior.power_spherical import downward_modes
+from bayesgrasp.ratio.checkpoint import load_model
+from bayesgrasp.seeding import generator
 from bayesgrasp.types import Attempts, Hands, Outcome
+from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
 
 HEIGHTS, TURNS, LEANS = np.linspace(0.15, 0.31, 17), (0.0, math.pi / 2), (0.0, 0.4)
+ROUNDS = (Round(4, 50), Round(8, 12), Round(24, 1))
+SCENES, JUDGED = 240, 1000
 
 
 def grid() -> Hands:
@@ -55,3 +65,19 @@ def test_hands_meet_the_same_scenes_and_objects_take_turns() -> None:
 def test_halving_without_rounds_is_refused(rounds: tuple[Round, ...]) -> None:
     with pytest.raises(InvalidConfigurationError, match="rounds"):
         halve(grid(), Blindfold(near, 3, seed=1), rounds)
+
+
+@pytest.mark.skipif(not (DEFAULT_MODEL / "card.json").exists(), reason="no trained model is shipped")
+def test_the_maxima_of_the_shipped_estimator_are_as_good_as_the_best_of_a_grid(ycb_dir: Path) -> None:
+    """On the objects that it was trained on, in scenes that chose neither; two standard errors are allowed."""
+    objects = load_objects("train", ycb_dir)
+    blindfold = Blindfold(LiftTest(objects).run, len(objects), seed=11)
+    model = load_model(DEFAULT_MODEL)
+    ratio, prior = model.given_success(), trained_prior(model.card)
+    searches = likelihood_potential(ratio, prior), posterior_potential(ratio, prior)
+    config = AscentConfig(starts_per_type=4)
+    found = [find_map(potential, prior, generator(11), config=config).best[None] for potential in searches]
+    fixed, *maxima = blindfold.succeed(Hands.cat([halve(grid(), blindfold, ROUNDS), *found]), SCENES, JUDGED)
+    for maximum in maxima:
+        more = maximum.astype(float) - fixed
+        assert more.mean() > -2 * more.std() / math.sqrt(SCENES)

@@ -134,7 +134,7 @@ class PractisedAttempts:
 
     columns: Columns
     split: Split
-    batch_size: int = 2048
+    batch_size: int = 512
     seed: int = 0
 
     @cached_property

@@ -128,4 +128,4 @@ def _ratio(name: PresetName, setup: Setup, criterion: LossConfig, train: TrainCo
         config = SuccessRatioConfig(setup.hand(1))
         return Part("success_ratio", "success_ratio", config, SuccessRatioObjective(criterion), held_back)
     known = HandSuccessConfig(setup.hand(4), success_rate=setup.success_rate)
-    return Part("success_ratio", "hand_success", known, HandSuccessObjective(), replace(train, mirror=0.5))
+    return Part("success_ratio", "hand_success", known, HandSuccessObjective(), replace(train, mirror=0.5, turn=True))

@@ -26,6 +26,7 @@ from bayesgrasp.errors import DataError, InvalidConfigurationError
 from bayesgrasp.seeding import Stream, torch_generator
 from bayesgrasp.training.mirror import mirrored_at_random
 from bayesgrasp.training.objectives import Objective
+from bayesgrasp.training.quarter_turns import turned_at_random
 from bayesgrasp.training.sources import Source, Sources
 from bayesgrasp.training.state import TrainingState, load_state, save_state
 
@@ -46,6 +47,7 @@ class TrainConfig:
         patience: Epochs without improvement on held-out scenes before stopping; 0 never stops early.
         bf16: Autocast to bfloat16.
         mirror: Share of the training scenes that are mirrored afresh in every epoch (`mirror.py`).
+        turn: Turn every training scene by a random number of quarter turns (`quarter_turns.py`).
         save_every: Steps between two saved states; one is also saved after every epoch.
         seed: Of the weights' start and of the objective's draws.
     """
@@ -59,6 +61,7 @@ class TrainConfig:
     patience: int = 0
     bf16: bool = True
     mirror: float = 0.0
+    turn: bool = False
     save_every: int = 500
     seed: int = 0
 
@@ -141,6 +144,8 @@ class _Run:
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         batch = mirrored_at_random(batch, self.config.mirror, torch_generator(self.config.seed, Stream.MIRROR, count))
+        if self.config.turn:
+            batch = turned_at_random(batch, torch_generator(self.config.seed, Stream.QUARTER_TURN, count))
         with self.autocast():
             loss = self.objective.loss(self.estimator, batch, torch_generator(self.config.seed, Stream.PAIRING, count))
         self.optimizer.zero_grad(set_to_none=True)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesgrasp.data.attempts import refreshed_attempts
+from bayesgrasp.data.attempts import AttemptsConfig, refreshed_attempts
 from bayesgrasp.data.images import to_metres
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.manifest import Given
@@ -69,8 +69,9 @@ def _sources(
     part: Part, dataset: GraspDataset, practice: Sequence[GraspDataset], batch_size: int, seed: int
 ) -> Sources:
     if part.role == "success_ratio":
-        attempts = Sources(*refreshed_attempts(dataset, planar_refresh(dataset), seed=seed))
         learns = isinstance(part.objective, HandSuccessObjective)
+        config = AttemptsConfig(batch_size=512 if learns else 2048)
+        attempts = Sources(*refreshed_attempts(dataset, planar_refresh(dataset), config, seed))
         return with_blind_practice(attempts, _of(practice, "nothing") if learns else (), seed)
     scenes = scene_sources(dataset, batch_size, seed)
     if part.role == "full":
