@@ -55,6 +55,7 @@ class Stream(Enum):
     PLAN = (15,)  # (): a plan
     BENCHMARK_SCENE = (16,)  # scene: scale, pose, nuisances, camera, noise
     BENCHMARK_SEARCH = (17,)  # scene: what strategies draw
+    STATED_POSE = (31,)  # (): planes tried for the table where the camera's pose says it is
     FIXED_HAND = (29,)  # round: scenes that fixed hands are tried in
     DIAGNOSED_PAIR = (18,)  # (): pairs of a data set that a posterior is judged by
     REFERENCE = (19,)  # (): random points of the diagnostics

@@ -79,6 +79,7 @@ def test_limits_are_kept_and_echoed(files, tmp_path, capsys) -> None:
         ],
         "lowest": -0.002,
         "grasp_types": ["pinch", "wide"],
+        "confidence": None,
     }
     assert content["grasps"]
     assert {grasp["grasp_type"] for grasp in content["grasps"]} <= {"pinch", "wide"}
@@ -86,7 +87,9 @@ def test_limits_are_kept_and_echoed(files, tmp_path, capsys) -> None:
 
 
 def test_limits_that_leave_nothing_are_a_reason(files, capsys) -> None:
-    command(files, "--lowest", "0.8")
+    with pytest.raises(SystemExit) as stopped:
+        command(files, "--lowest", "0.8")
+    assert stopped.value.code == 3
     assert "no grasp: no hand keeps the constraints" in capsys.readouterr().out
 
 
@@ -94,6 +97,8 @@ def test_limits_that_leave_nothing_are_a_reason(files, capsys) -> None:
     ("options", "words"),
     [
         (("--keep-out", "0", "0", "0", "1", "1", "-1"), "error: box needs low < high"),
+        (("--confidence", "95"), "error: confidence must be between 0 and 1"),
+        (("--confidence", "0.9"), "error: this model does not know what its plans deliver"),
         (("--device", "abacus"), "error: the device 'abacus' cannot be used; valid: cpu, and cuda"),
         (("--device", "meta"), "error: the device 'meta' cannot be used"),
     ],
@@ -106,7 +111,9 @@ def test_limits_and_devices_that_cannot_be_are_refused(files, capsys, options, w
 
 
 def test_an_empty_table_is_an_answer_with_a_reason(files, tmp_path, capsys) -> None:
-    command(files, "--json", str(tmp_path / "plan.json"), depth="empty.npy")
+    with pytest.raises(SystemExit) as stopped:
+        command(files, "--json", str(tmp_path / "plan.json"), depth="empty.npy")
+    assert stopped.value.code == 3
     content = json.loads((tmp_path / "plan.json").read_text())
     assert content["grasps"] == []
     assert "nothing on the table" in content["reason"]

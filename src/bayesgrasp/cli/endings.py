@@ -18,6 +18,7 @@ import threading
 from types import FrameType, TracebackType
 
 EXIT_ERROR = 2
+EXIT_NO_GRASP = 3
 EXIT_INTERRUPTED, EXIT_TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
 EXIT_CLOSED = 128 + signal.SIGPIPE
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}

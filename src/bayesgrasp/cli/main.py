@@ -3,8 +3,9 @@
 A command is a typed, documented function in a file of its own; it is imported only when it is the one to run, so
 that ``bayesgrasp --help`` answers at once.
 
-Exit codes: 0 done; 2 wrong input or options, or a disk that is full or refuses, said in one line; 130 interrupted
-(Ctrl-C); 143 terminated (SIGTERM); 141 standard output was closed by its reader. 1, with a traceback, is a bug.
+Exit codes: 0 done; 2 wrong input or options, or a disk that is full or refuses, said in one line; 3 `plan` found no
+grasp, and says why; 130 interrupted (Ctrl-C); 143 terminated (SIGTERM); 141 standard output was closed by its reader.
+1, with a traceback, is a bug.
 """
 
 import importlib
@@ -73,6 +74,9 @@ COMMANDS: dict[str, Command] = {
         "Print the manifest, the outcomes, the success of each object, what its hands are worth and the disk use.",
     ),
     "diagnose": Command("diagnose:diagnose", "Judge a trained posterior by simulated successes that it has not seen."),
+    "calibrate": Command(
+        "calibrate:calibrate", "Calibrate what a model promises by what its plans deliver on fresh objects."
+    ),
     "reproduce": Command(
         "reproduce:reproduce", "Run the whole experiment: data, training, diagnostics, benchmark, report."
     ),

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from bayesgrasp.cli.endings import EXIT_NO_GRASP
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.files import check_target, write_json
 from bayesgrasp.geometry.box import Box
@@ -49,17 +50,20 @@ class Limits:
         lowest: No part of the open hand may be lower than this, metres above the table.
         keep_out: A box x0 y0 z0 x1 y1 z1 that the open hand must not enter, on the whole straight way to the grasp;
             metres, world frame. May be given several times.
+        confidence: Only grasps that succeed at least at this rate, such as 0.95, by what plans of this model delivered
+            on objects that it was not trained with; by default a grasp needs an estimated success of 50 %.
     """
 
     types: tuple[Literal["basic", "wide", "pinch"], ...] = ()
     lowest: float | None = None
     keep_out: tyro.conf.UseAppendAction[tuple[Corners, ...]] = ()
+    confidence: float | None = None
 
     def constraints(self) -> Constraints:
         """The same for the planner."""
         boxes = tuple(Box((x0, y0, z0), (x1, y1, z1)) for x0, y0, z0, x1, y1, z1 in self.keep_out)
         types = tuple(GraspType[name.upper()] for name in self.types)
-        return Constraints(boxes, self.lowest, types or EVERY_TYPE)
+        return Constraints(boxes, self.lowest, types or EVERY_TYPE, self.confidence)
 
 
 @dataclass(frozen=True)
@@ -88,19 +92,21 @@ def plan(
     camera: Path,
     model: Path | None = None,
     device: str = "cpu",
+    refine_pose: bool = False,
     wanted: Annotated[Wanted, tyro.conf.OmitArgPrefixes] = Wanted(),
     limits: Annotated[Limits, tyro.conf.OmitArgPrefixes] = Limits(),
     outputs: Annotated[Outputs, tyro.conf.OmitArgPrefixes] = Outputs(),
 ) -> None:
     """Plan grasps from a depth image.
 
-    Prints the ranked grasps that the arm can reach, or the reason why there is none.
+    Prints the ranked grasps that the arm can reach. Where there is none, prints the reason and ends with exit code 3.
 
     Args:
         depth: Depth image: 16-bit PNG (millimetres), or .npy or .npz; 0 = no return.
         camera: Camera file: JSON with `intrinsics` and, if known, `camera_to_world`.
         model: Directory of a trained model; by default the one that comes with the package.
         device: Where to compute: cpu, cuda, or cuda:N.
+        refine_pose: Correct tilt and height of the camera's stated pose by the table that it sees.
         wanted: What is asked for.
         limits: What the grasps must keep to.
         outputs: Files to write.
@@ -110,6 +116,7 @@ def plan(
     view = Camera.load(camera)
     image = read_depth(depth)
     planner = load_planner(model, device=device)
+    planner = planner.refining_pose() if refine_pose else planner
     samples = wanted.samples or (FIGURE_SAMPLES if outputs.figure else 0)
     answer = planner.plan(image, view, top=wanted.top, samples=samples, constraints=constraints, seed=wanted.seed)
     print(describe(answer))
@@ -117,6 +124,8 @@ def plan(
         write_json(outputs.json, answer.to_dict())
     if outputs.figure is not None:
         save_plan_figure(outputs.figure, answer, image, view, planner.robot.hand)
+    if not answer.grasps:
+        raise SystemExit(EXIT_NO_GRASP)
 
 
 def describe(plan: Plan) -> str:

@@ -35,6 +35,7 @@ class Trial:
         seconds: Wall-clock time of the plan.
         held: Whether the lifted object was also held against pushes; never without success.
         position, quaternion, grasp_type: The hand (metres; w, x, y, z); None where there was no plan.
+        promised: The strategy's own p(S=1 | i, h) of the hand; None where it does not say.
     """
 
     outcome: str
@@ -43,6 +44,7 @@ class Trial:
     position: tuple[float, ...] | None = None
     quaternion: tuple[float, ...] | None = None
     grasp_type: int | None = None
+    promised: float | None = None
 
     @property
     def success(self) -> bool:

@@ -26,10 +26,12 @@ from bayesgrasp.evaluation.strategies import (
     STRATEGIES,
     Choose,
     SearchConfig,
+    Strategy,
     missing,
     model_strategies,
     planned,
     replans,
+    unpromised,
 )
 from bayesgrasp.generation.pool import processes
 from bayesgrasp.generation.provenance import object_hash
@@ -183,14 +185,14 @@ class _Worker:
         every = self._strategies(contestants)
         self.strategies = {name: every[name] for name in able}
 
-    def _strategies(self, contestants: Contestants) -> dict[str, Choose]:
+    def _strategies(self, contestants: Contestants) -> dict[str, Strategy]:
         planner = contestants.planner
         baselines: dict[str, Choose] = {
             "top_down": top_down(planner.observer.reader, planner.robot),
             "force_closure": ForceClosure(planner.prior, self.lift_test).choose,
-            "plan": planned(planner),
         }
-        return model_strategies(contestants.model, planner.prior, self.benchmark.search) | baselines
+        silent = model_strategies(contestants.model, planner.prior, self.benchmark.search) | baselines
+        return {name: unpromised(choose) for name, choose in silent.items()} | {"plan": planned(planner)}
 
     def run(self, task: Task) -> SceneResult:
         """The result of one scene."""
@@ -206,14 +208,14 @@ class _Worker:
         scene |= {"object_index": int(situation.scene.object_index[0]), "scale": float(situation.scene.scale[0])}
         return SceneResult(task.number, situation.asset.id, object_pose=situation.pose, trials=trials, **scene)
 
-    def _trial(self, choose: Choose, situation: Situation) -> Trial:
+    def _trial(self, strategy: Strategy, situation: Situation) -> Trial:
         rng = generator(self.benchmark.seed, Stream.BENCHMARK_SEARCH, situation.number)
         started = time.perf_counter()
-        hands = choose(situation, rng)
+        choice = strategy(situation, rng)
         seconds = time.perf_counter() - started
-        if hands is None:
+        if choice is None:
             return Trial(NO_PLAN, seconds)
-        return self._judged(situation.attempts(hands), seconds)
+        return replace(self._judged(situation.attempts(choice.hands), seconds), promised=choice.promised)
 
     def _repeat(self, name: str, known: SceneResult, situation: Situation) -> Trial:
         """The known hand of a strategy in the scene as it is now."""
@@ -221,7 +223,8 @@ class _Worker:
         if attempt is None:
             return known.trials[name]
         here = situation.scene.columns() | situation.nuisances.columns()
-        return self._judged(replace(attempt, **here), known.trials[name].seconds)
+        trial = known.trials[name]
+        return replace(self._judged(replace(attempt, **here), trial.seconds), promised=trial.promised)
 
     def _judged(self, attempts: Attempts, seconds: float) -> Trial:
         verdicts = self.lift_test.judge(attempts)

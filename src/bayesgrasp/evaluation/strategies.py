@@ -17,6 +17,7 @@ deployed planner would do: the best grasp of its ranking that the arm can reach 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -54,6 +55,23 @@ KNOWS_OBJECT = (*FULL, "force_closure")
 
 Choose = Callable[[Situation, np.random.Generator], Hands | None]
 """From a scene to one hand, of batch shape (1,); None where a strategy declines."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a strategy chose.
+
+    Attributes:
+        hands: One hand, of batch shape (1,).
+        promised: Its own p(S=1 | i, h); None where it does not say.
+    """
+
+    hands: Hands
+    promised: float | None = None
+
+
+Strategy = Callable[[Situation, np.random.Generator], Choice | None]
+"""From a scene to a choice; None where a strategy declines."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +128,28 @@ def model_strategies(model: GraspModel, prior: Prior, search: SearchConfig) -> d
     return chosen
 
 
-def planned(planner: Planner) -> Choose:
-    """The deployed planner's first grasp; None where it declines to grasp."""
+def planned(planner: Planner) -> Strategy:
+    """The deployed planner's first grasp, with its promise; None where it declines to grasp."""
 
-    def choose(situation: Situation, rng: np.random.Generator) -> Hands | None:
-        return first_grasp(planner.plan(situation.depth, canonical_camera(), top=1, seed=rng))
+    def choose(situation: Situation, rng: np.random.Generator) -> Choice | None:
+        plan = planner.plan(situation.depth, canonical_camera(), top=1, seed=rng)
+        hands = first_grasp(plan)
+        if hands is None:
+            return None
+        promised = plan.grasps[0].success_probability
+        return Choice(hands, promised if math.isfinite(promised) else None)
 
     return choose
+
+
+def unpromised(choose: Choose) -> Strategy:
+    """A strategy that does not say how likely its hand is to succeed."""
+
+    def strategy(situation: Situation, rng: np.random.Generator) -> Choice | None:
+        hands = choose(situation, rng)
+        return None if hands is None else Choice(hands)
+
+    return strategy
 
 
 def first_grasp(plan: Plan) -> Hands | None:

@@ -9,12 +9,13 @@ S_a - S_b, with the interval of paired attempts, so what both find hard cancels.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from bayesgrasp.diagnostics.intervals import paired_difference, wilson
+from bayesgrasp.diagnostics.promises import PARTS, Promises, keep_promises
 from bayesgrasp.evaluation.journal import SceneResult, Trial
 from bayesgrasp.evaluation.strategies import STRATEGIES
 
@@ -72,6 +73,8 @@ def markdown(summary: Mapping[str, Any], split: str = "train") -> str:
         "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
         *(_row(name, entry, paper) for name, entry in summary["strategies"].items()),
     ]
+    promises = {name: entry["promises"] for name, entry in summary["strategies"].items() if entry.get("promises")}
+    lines += [line for name, kept in promises.items() for line in _promise_lines(name, kept)]
     if summary["differences"]:
         lines += ["", "| paired difference | points | 95 % | n |", "|---|---:|---:|---:|"]
         lines += [_difference_row(entry) for entry in summary["differences"]]
@@ -105,8 +108,18 @@ def _strategy(name: str, results: Sequence[SceneResult]) -> dict[str, Any]:
         **rates([trial for _, trial in mine]),
         "seconds_per_plan": float(np.mean([trial.seconds for _, trial in mine])),
         "paper": PAPER.get(name),
+        "promises": None if (kept := promises_of(trial for _, trial in mine)) is None else kept.to_dict(),
         "per_object": {object_id: rates(trials) for object_id, trials in sorted(by_object.items())},
     }
+
+
+def promises_of(trials: Iterable[Trial]) -> Promises | None:
+    """What the trials promised beside what they delivered; None where too few of them say."""
+    said = [(trial.promised, trial.success) for trial in trials if trial.promised is not None]
+    if len(said) < PARTS:
+        return None
+    promised, success = map(np.array, zip(*said, strict=True))
+    return keep_promises(promised, success)
 
 
 def rates(trials: Sequence[Trial]) -> dict[str, Any]:
@@ -152,6 +165,22 @@ def _row(name: str, entry: Mapping[str, Any], paper: str) -> str:
         f"{entry['seconds_per_plan']:.3f}",
     )
     return f"| {' | '.join(cells)} |"
+
+
+def _promise_lines(name: str, kept: Mapping[str, Any]) -> list[str]:
+    """What a strategy promised and delivered, in all and by fifths of the promise."""
+    parts = [("all", kept), *((f"fifth {number}", part) for number, part in enumerate(kept["fifths"], 1))]
+    area = "-" if kept["auc"] is None else f"{kept['auc']:.2f}"
+    return [
+        "",
+        f"| `{name}` (AUC of failure {area}) | promised | delivered | 95 % | n |",
+        "|---|---:|---:|---:|---:|",
+        *(
+            f"| {label} | {100 * part['promised']:.1f} % | {100 * part['delivered']:.1f} % | "
+            f"{100 * part['interval'][0]:.1f} - {100 * part['interval'][1]:.1f} | {part['count']} |"
+            for label, part in parts
+        ),
+    ]
 
 
 def _difference_row(entry: Mapping[str, Any]) -> str:

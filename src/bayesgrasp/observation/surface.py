@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64
+from jaxtyping import Bool, Float, Float32, Float64, Int
 from scipy import ndimage
 
 from bayesgrasp.errors import InvalidConfigurationError
@@ -64,6 +64,7 @@ class Surface:
         points: World points of all pixels, metres; NaN where there was no return.
         valid: Pixels with a return.
         item: Pixels of the object that stands nearest to the workspace centre; none where nothing is on the table.
+        others: Number of the piece for each pixel of other things that rise above the table, elsewhere 0.
         table: (a, b, c) of the plane z = a + b x + c y that the table was seen in; zeros for an exact camera pose.
         config: What counted as an object.
     """
@@ -71,6 +72,7 @@ class Surface:
     points: Float32[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"]
     item: Bool[np.ndarray, "h w"]
+    others: Int[np.ndarray, "h w"]
     table: Float64[np.ndarray, "3"]
     config: SurfaceConfig
 
@@ -152,7 +154,9 @@ class SurfaceReader:
         valid = depth > 0
         points = np.where(valid, depth, np.float32(np.nan))[..., None] * self._rays + self._origin
         table = self._fit_table(points[::STRIDE, ::STRIDE].reshape(-1, 3))
-        return Surface(points, valid, self._item(points, table) if item is None else item, table, self.config)
+        pieces = self._pieces(points, table)
+        item = self._item(points, pieces) if item is None else item
+        return Surface(points, valid, item, np.where(item, 0, pieces), table, self.config)
 
     def cleared(self, depth: Float32[np.ndarray, "h w"], surface: Surface) -> Float32[np.ndarray, "h w"]:
         """The image with the bare table in place of whatever stands, or was not seen, away from the object.
@@ -191,18 +195,23 @@ class SurfaceReader:
             plane = np.linalg.lstsq(terms, member[:, 2], rcond=None)[0]
         return plane
 
-    def _item(self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"]) -> Bool[np.ndarray, "h w"]:
-        """The piece of the non-table pixels whose middle is nearest to the workspace centre."""
+    def _pieces(self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"]) -> Int[np.ndarray, "h w"]:
+        """The pieces of the non-table pixels that are large enough, numbered from 1; elsewhere 0."""
         config, height = self.config, heights(points, table)
         with np.errstate(invalid="ignore"):
             above = (height > config.table_thickness) & (height < config.ceiling)
         above &= in_square(points, config.reach)
-        labels, _ = ndimage.label(above)
-        members = labels[above]
+        labels, count = ndimage.label(above)
+        large = np.bincount(labels[above], minlength=count + 1) >= config.min_pixels
+        return np.where(large[labels], labels, 0)
+
+    def _item(self, points: Float32[np.ndarray, "h w 3"], pieces: Int[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+        """The piece whose middle is nearest to the workspace centre."""
+        members = pieces[pieces > 0]
+        if len(members) == 0:
+            return np.zeros(pieces.shape, dtype=bool)
         sizes = np.bincount(members)
-        large = np.flatnonzero(sizes >= config.min_pixels)
-        if len(large) == 0:
-            return np.zeros_like(above)
-        x, y = (np.bincount(members, points[..., axis][above])[large] / sizes[large] for axis in (0, 1))
-        chosen: Bool[np.ndarray, "h w"] = labels == large[np.argmin(np.hypot(x, y))]
+        numbers = np.flatnonzero(sizes)
+        x, y = (np.bincount(members, points[..., axis][pieces > 0])[numbers] / sizes[numbers] for axis in (0, 1))
+        chosen: Bool[np.ndarray, "h w"] = pieces == numbers[np.argmin(np.hypot(x, y))]
         return chosen

@@ -21,6 +21,10 @@ Plane = tuple[Float64[np.ndarray, "3"], float]
 """(normal, offset): the plane's points satisfy normal . p = offset; unit normal, metres."""
 
 
+FEWEST, SAMPLE = 100, 2000
+"""Least number of points to find a plane in, and how many of them vote."""
+
+
 @dataclass(frozen=True)
 class TableConfig:
     """How to find the table.
@@ -33,6 +37,8 @@ class TableConfig:
         thickness: Points higher than this above the table are not the table, metres.
         ceiling: Points higher than this are not on the table, metres.
         min_pixels: Fewer looked-at pixels in one piece are noise.
+        largest_tilt: A plane tilted more than this against the stated table is another thing, radians.
+        largest_shift: So is one whose distance from the camera differs by more than this, metres.
     """
 
     stride: int = 4
@@ -42,6 +48,8 @@ class TableConfig:
     thickness: float = 0.012
     ceiling: float = 0.45
     min_pixels: int = 12
+    largest_tilt: float = 0.2
+    largest_shift: float = 0.1
 
     def __post_init__(self) -> None:
         if self.stride < 1 or self.hypotheses < 1 or self.min_pixels < 1:
@@ -65,7 +73,7 @@ def locate_workspace(
         DepthImageError: No plane holds enough of the image.
     """
     config = config or TableConfig()
-    points = _grid(depth, camera, config.stride)
+    points = grid(depth, camera, config.stride)
     valid = np.isfinite(points).all(-1)
     normal, offset = fit_plane(points[valid], rng, config)
     height = points @ normal - offset
@@ -83,36 +91,90 @@ def fit_plane(points: Points, rng: np.random.Generator, config: TableConfig) -> 
     Raises:
         DepthImageError: Too few points, or no plane holds enough of them.
     """
-    if len(points) < 100:
+    if len(points) < FEWEST:
         raise DepthImageError(f"only {len(points)} pixels have a depth: too few to find the table")
-    a, b, c = points[rng.integers(len(points), size=(3, config.hypotheses))]
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= lengths + 1e-12
-    sample = points[rng.integers(len(points), size=2000)]
-    votes = (np.abs(sample @ normals.T - (a * normals).sum(1)) < config.tolerance).sum(0)
-    votes[lengths[:, 0] == 0] = 0  # no plane: a point was drawn twice, and its normal of 0 would have every vote
-    normal, offset = normals[votes.argmax()], float(a[votes.argmax()] @ normals[votes.argmax()])
-    for _ in range(3):
-        members = points[np.abs(points @ normal - offset) < config.tolerance]
-        if len(members) < 3:
-            break
-        center = members.mean(0)
-        normal = np.linalg.svd(members - center, full_matrices=False)[2][2]
-        offset = float(center @ normal)
-    share = float((np.abs(points @ normal - offset) < config.tolerance).mean())
+    normals, offsets = _hypotheses(points, rng, config)
+    plane, share = _best(points, normals, offsets, rng, config)
     if share < config.min_share:
         raise DepthImageError(
             f"no table found: the best plane holds {100 * share:.0f} % of the image, at least "
             f"{100 * config.min_share:.0f} % is needed; give `camera_to_world` in the camera file"
         )
-    return (normal, offset) if offset < 0 else (-normal, -offset)
+    return plane
 
 
-def _grid(depth: np.ndarray, camera: Camera, stride: int) -> np.ndarray:
-    rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
-    small = depth[rows, columns].astype(np.float64)
-    points: np.ndarray = np.where(small > 0, small, np.nan)[..., None] * camera.rays()[rows, columns]
+def fit_plane_near(points: Points, expected: Plane, rng: np.random.Generator, config: TableConfig) -> Plane | None:
+    """The plane that holds most points among those that could be the expected one, seen by a camera somewhat off.
+
+    Args:
+        points: Camera frame, metres.
+        expected: Where the plane is said to be, its normal towards the camera.
+        rng: For the random planes.
+        config: What counts as near, and as a plane.
+
+    Returns:
+        None where no such plane holds enough of the points.
+    """
+    if len(points) < FEWEST:
+        return None
+    normals, offsets = _hypotheses(points, rng, config)
+    normal, offset = expected
+    # A turned camera sees the table tilted but at the same distance; only a shifted one sees it at another.
+    near = (normals @ normal > np.cos(config.largest_tilt)) & (np.abs(offsets - offset) < config.largest_shift)
+    plane, share = _best(points, normals[near], offsets[near], rng, config)
+    return plane if share >= config.min_share else None
+
+
+def _hypotheses(
+    points: Points, rng: np.random.Generator, config: TableConfig
+) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "m"]]:
+    """Planes through three random points each, normals towards the camera."""
+    a, b, c = points[rng.integers(len(points), size=(3, config.hypotheses))]
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)
+    plane = lengths > 0  # none where a point was drawn twice: its normal of 0 would have every vote
+    normals, a = normals[plane] / lengths[plane, None], a[plane]
+    offsets = (a * normals).sum(1)
+    towards = np.where(offsets < 0, 1.0, -1.0)
+    return normals * towards[:, None], offsets * towards
+
+
+def _best(
+    points: Points,
+    normals: Float64[np.ndarray, "m 3"],
+    offsets: Float64[np.ndarray, "m"],
+    rng: np.random.Generator,
+    config: TableConfig,
+) -> tuple[Plane, float]:
+    """The plane that most of a sample of the points voted for, fitted to its points, and the share that it holds.
+
+    The share is 0 where there is no plane to vote for.
+    """
+    if len(normals) == 0:
+        return (np.array([0.0, 0.0, -1.0]), 0.0), 0.0
+    sample = points[rng.integers(len(points), size=SAMPLE)]
+    votes = (np.abs(sample @ normals.T - offsets) < config.tolerance).sum(0)
+    normal, offset = normals[votes.argmax()], float(offsets[votes.argmax()])
+    for _ in range(3):
+        members = points[np.abs(points @ normal - offset) < config.tolerance]
+        if len(members) < 3:
+            break
+        center = members.mean(0)
+        # The direction in which they spread least.
+        normal = np.linalg.eigh((members - center).T @ (members - center))[1][:, 0]
+        offset = float(center @ normal)
+    share = float((np.abs(points @ normal - offset) < config.tolerance).mean())
+    return ((normal, offset) if offset < 0 else (-normal, -offset)), share
+
+
+def grid(depth: Float[np.ndarray, "h w"], camera: Camera, stride: int) -> Float64[np.ndarray, "rows columns 3"]:
+    """Points of every so many pixels, each way, in the camera frame, metres; NaN where there was no return."""
+    first = stride // 2
+    small = depth[first::stride, first::stride].astype(np.float64)
+    u = (np.arange(first, camera.width, stride) - camera.cx) / camera.fx
+    v = (np.arange(first, camera.height, stride) - camera.cy) / camera.fy
+    rays = np.stack([*np.meshgrid(u, v), np.ones_like(small)], axis=-1)
+    points: np.ndarray = np.where(small > 0, small, np.nan)[..., None] * rays
     return points
 
 

@@ -35,20 +35,26 @@ class Constraints:
         keep_out: Boxes that the open hand must not enter: axis-aligned, world frame, metres.
         lowest: No part of the open hand may be lower than this, metres above the table; None for no limit.
         grasp_types: The allowed ones.
+        confidence: Only grasps that promise so much that they were found to succeed at least at this rate on objects
+            that no training had met (`ratio.delivery`); None for the planner's own least promise.
 
     Raises:
-        InvalidConfigurationError: Not a box, a height that is not finite, or no, a repeated or an unknown grasp type.
+        InvalidConfigurationError: Not a box, a height that is not finite, no, a repeated or an unknown grasp type, or a
+            confidence that is not between 0 and 1.
     """
 
     keep_out: tuple[Box, ...] = ()
     lowest: float | None = None
     grasp_types: tuple[GraspType, ...] = EVERY_TYPE
+    confidence: float | None = None
 
     def __post_init__(self) -> None:
         if not all(isinstance(box, Box) for box in self.keep_out):
             raise InvalidConfigurationError(f"keep_out holds boxes, Box(low, high), got {self.keep_out}")
         if self.lowest is not None and not math.isfinite(self.lowest):
             raise InvalidConfigurationError(f"lowest must be a height in metres, got {self.lowest}")
+        if self.confidence is not None and not 0 < self.confidence < 1:
+            raise InvalidConfigurationError(f"confidence must be between 0 and 1, got {self.confidence}")
         types = set(self.grasp_types)
         if not types or len(types) < len(self.grasp_types) or not types <= set(EVERY_TYPE):
             known = ", ".join(f"GraspType.{kind.name}" for kind in EVERY_TYPE)
@@ -57,7 +63,12 @@ class Constraints:
 
     @property
     def any(self) -> bool:
-        """Whether anything is forbidden."""
+        """Whether anything is asked for."""
+        return self.limits_hands or self.confidence is not None
+
+    @property
+    def limits_hands(self) -> bool:
+        """Whether any hand is forbidden, whatever the image."""
         return bool(self.keep_out) or self.lowest is not None or len(self.grasp_types) < len(EVERY_TYPE)
 
     def to_dict(self) -> dict[str, Any]:
@@ -66,6 +77,7 @@ class Constraints:
             "keep_out": [{"low": list(box.low), "high": list(box.high)} for box in self.keep_out],
             "lowest": self.lowest,
             "grasp_types": [kind.name.lower() for kind in self.grasp_types],
+            "confidence": self.confidence,
         }
 
 

@@ -9,7 +9,8 @@ Everything that depends on the trained model, the sensor or the arm is handed in
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -31,6 +32,20 @@ from bayesgrasp.posterior.sampling import SamplerConfig
 from bayesgrasp.seeding import Stream, generator_of
 
 
+@runtime_checkable
+class Delivered(Protocol):
+    """What plans delivered on objects that no training had met."""
+
+    @property
+    def objects(self) -> str:
+        """Which objects, in words."""
+        ...
+
+    def least_promise(self, wanted: float) -> float | None:
+        """The least success probability of grasps that succeed at the wanted rate; None where none is enough."""
+        ...
+
+
 @dataclass(frozen=True)
 class TrainedLikelihood:
     """What was learned: the ratio of one image, and what its value says about success.
@@ -39,11 +54,13 @@ class TrainedLikelihood:
         given_image: From the network's image (1, height, width) to log r(S=1, i | h), up to a constant, of hands in the
             workspace frame.
         success_probability: From values of that log-ratio to estimates of p(S=1 | i, h).
+        delivered: What plans delivered on fresh objects; None where the model does not know.
         device: Where images and hands are taken.
     """
 
     given_image: Callable[[Tensor], LogDensity]
     success_probability: Callable[[Tensor], Tensor]
+    delivered: Delivered | None = None
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
 
 
@@ -80,6 +97,11 @@ class Planner:
     robot: Robot
     config: PlannerConfig = field(default_factory=PlannerConfig)
 
+    def refining_pose(self) -> Planner:
+        """The same planner, which corrects tilt and height of a camera's stated pose by the table that it sees."""
+        config = replace(self.observer.config, refine_pose=True)
+        return replace(self, observer=replace(self.observer, config=config))
+
     def plan(
         self,
         depth: np.ndarray,
@@ -105,6 +127,7 @@ class Planner:
 
         Raises:
             DepthImageError: The image or the camera is not usable.
+            InvalidConfigurationError: A confidence is asked for that this model cannot judge.
         """
         wanted = _Wanted(top, samples, constraints)
         rng = generator_of(seed, Stream.PLAN)
@@ -171,9 +194,11 @@ class Planner:
         self, depth: Float32[np.ndarray, "h w"], camera: Camera, wanted: _Wanted, rng: np.random.Generator
     ) -> Plan:
         watch = Stopwatch()
+        least, reason = self._least_success(wanted.constraints.confidence)
         observed = self.observer.observe(depth, camera, rng, watch)
-        if observed.problem is not None:
-            return Plan((), observed.problem, observed, wanted.constraints, None, None, watch.stop())
+        reason = observed.problem or reason
+        if reason is not None:
+            return Plan((), reason, observed, wanted.constraints, None, None, watch.stop())
         posterior, drawn = self._infer(observed, rng, watch)
         with watch.stage("search"):
             check = self._check(wanted.constraints, observed)
@@ -181,7 +206,8 @@ class Planner:
         grasps: tuple[Grasp, ...] = ()
         if candidates is not None:
             with watch.stage("reach"):
-                grasps, reason = Selection(self.robot, observed, self.config.selection).select(candidates, wanted.top)
+                selection = Selection(self.robot, observed, replace(self.config.selection, least_success=least))
+                grasps, reason = selection.select(candidates, wanted.top)
         samples = None
         if wanted.samples:
             with watch.stage("samples"):
@@ -189,10 +215,29 @@ class Planner:
         return Plan(grasps, reason, observed, wanted.constraints, posterior, samples, watch.stop())
 
     def _check(self, constraints: Constraints, observed: Observed) -> ConstraintCheck | None:
-        if not constraints.any:
+        if not constraints.limits_hands:
             return None
         standoff = self.config.selection.standoff
         return ConstraintCheck(constraints, self.robot.hand, standoff, observed.workspace_to_world)
+
+    def _least_success(self, confidence: float | None) -> tuple[float, str | None]:
+        """The least success probability of a grasp, or the reason why none is enough."""
+        least = self.config.selection.least_success
+        if confidence is None:
+            return least, None
+        delivered = self.likelihood.delivered
+        if delivered is None:
+            raise InvalidConfigurationError(
+                "this model does not know what its plans deliver on fresh objects, so no confidence can be asked of "
+                "it: let `bayesgrasp calibrate` find out, or ask for none"
+            )
+        promise = delivered.least_promise(confidence)
+        if promise is None:
+            return 1.0, (
+                f"not confident enough: no promise of this model was found to succeed in {100 * confidence:.4g} % on "
+                f"fresh objects ({delivered.objects})"
+            )
+        return max(least, promise), None
 
     def _infer(self, observed: Observed, rng: np.random.Generator, watch: Stopwatch) -> tuple[Posterior, Weighted]:
         """The posterior of an image, and the draws from the prior behind its constant."""

@@ -3,7 +3,8 @@
 A robot wants the grasp that most probably succeeds. The mode of p(h | S=1, i) need not be it: where p(S=1 | i, h) is
 near 1 for many hands, the prior decides among them, and draws the mode towards its own. So grasps are ranked by
 p(S=1 | i, h); probabilities that hardly differ are a tie, which the posterior breaks. A grasp is executable if it is
-clear of the measured surface and of the table and within the arm's reach.
+clear of the measured surface and of the table and within the arm's reach. One that the model itself thinks is more
+likely to fail than to succeed is no grasp to execute.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ class SelectionConfig:
     Attributes:
         rank: By estimated success probability, ties broken by the log posterior; or by the log posterior alone.
         tie: Success probabilities that differ by no more than this are a tie.
+        least_success: Grasps of a lower success probability are refused; an unknown one is not.
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
         cutting_points: From so many measured points deeper than that on, a hand collides.
@@ -66,6 +68,7 @@ class SelectionConfig:
 
     rank: Literal["success", "posterior"] = "success"
     tie: float = 0.001
+    least_success: float = 0.5
     distinct: float = 0.2
     penetration: float = 0.003
     cutting_points: int = 2
@@ -79,6 +82,8 @@ class SelectionConfig:
             raise InvalidConfigurationError(
                 "need tie, distinct, penetration and standoff >= 0, and cutting_points >= 1"
             )
+        if not 0 <= self.least_success <= 1:
+            raise InvalidConfigurationError(f"least_success is a probability, got {self.least_success}")
 
 
 @dataclass(frozen=True)
@@ -124,19 +129,29 @@ class Selection:
         self.failures = {"the arm does not reach it": 0, "the open hand would cut into the object or the table": 0}
 
     def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
-        """The best `top` distinct candidates that can be executed, or the reason why there is none."""
+        """The best `top` distinct candidates that may be executed and can be, or the reason why there is none."""
+        likely = ~(candidates.probability < self.config.least_success)
+        if not likely.any():
+            return (), self._unlikely(candidates)
         grasps: list[Grasp] = []
         tried: list[int] = []
         for index in candidates.ranked(self.config):
             if len(grasps) == top:
                 break
-            if self._repeats(candidates.hands, tried, index):
+            if not likely[index] or self._repeats(candidates.hands, tried, index):
                 continue
             tried.append(index)
             grasp = self._check(candidates, index)
             if grasp is not None:
                 grasps.append(grasp)
-        return tuple(grasps), None if grasps else self._reason(len(tried))
+        return tuple(grasps), None if grasps else self._reason(len(tried), int((~likely).sum()))
+
+    def _unlikely(self, candidates: Candidates) -> str:
+        best = float(candidates.probability.nan_to_num(nan=0.0).max())
+        return (
+            f"not likely enough: the best grasp has an estimated success of {100 * best:.0f} %, at least "
+            f"{100 * self.config.least_success:.4g} % is asked for"
+        )
 
     def _repeats(self, hands: Hands, tried: list[int], index: int) -> bool:
         if not tried:
@@ -188,9 +203,14 @@ class Selection:
             clearance = min(clearance, float(distance.min()))
         return clearance
 
-    def _reason(self, tried: int) -> str:
+    def _reason(self, tried: int, unlikely: int) -> str:
         causes = ", ".join(f"{cause} ({count})" for cause, count in self.failures.items() if count)
-        return f"unreachable: none of the {tried} best grasps can be executed: {causes}"
+        others = (
+            f"; {unlikely} others have an estimated success below {100 * self.config.least_success:.4g} %"
+            if unlikely
+            else ""
+        )
+        return f"unreachable: none of the {tried} best grasps can be executed: {causes}{others}"
 
 
 def _in_hand(points: np.ndarray, hand_to_workspace: Pose) -> np.ndarray:

@@ -21,8 +21,9 @@ from bayesgrasp.geometry.camera import Camera
 from bayesgrasp.observation.familiarity import Familiarity
 from bayesgrasp.plain_data import is_number, restored
 from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.ratio.delivery import Delivery
 from bayesgrasp.ratio.kinds import KINDS_OF_ROLE, LIMITS
-from bayesgrasp.ratio.model import POWER, ROLES
+from bayesgrasp.ratio.model import POWER, ROLES, route_given_image
 from bayesgrasp.sealed import sealed, unsealed
 
 SCHEMA = 1
@@ -62,7 +63,15 @@ def read_card(directory: Path) -> dict[str, Any]:
         raise CheckpointError(f"the card {path}: {error}; take the model from where it came, or train again") from error
     _check_entries(card, path)
     _check_objects(card, path)
+    if "delivery" in card and tuple(card["delivery"]["weights"]) != promising_weights(card):
+        raise CheckpointError(f"the card {path} tells what other weights delivered: calibrate this model again")
     return card
+
+
+def promising_weights(card: Mapping[str, Any]) -> tuple[str, ...]:
+    """SHA-256 of the estimators that promise success from an image, in the order of their route; none without one."""
+    estimators = card["estimators"]
+    return tuple(estimators[role]["sha256"] for role in route_given_image(estimators) or ())
 
 
 def check_card(card: Mapping[str, Any], directory: Path, gripper: str | None, camera: Camera) -> None:
@@ -152,6 +161,11 @@ def _is_familiarity(value: Any) -> bool:
     return value is None or isinstance(value, dict)
 
 
+def _is_delivery(value: Any) -> bool:
+    Delivery.from_dict(value)
+    return True
+
+
 def _are_estimators(value: Any) -> bool:
     """Roles are names of files, so an unknown one must not get any further."""
     if not isinstance(value, dict) or not value:
@@ -195,6 +209,7 @@ ENTRIES: dict[str, tuple[Callable[[Any], bool], str]] = {
     "objects": (_are_distinct_words, "a list of distinct names"),
     "preset": (_is_word, "a name"),
     "familiarity": (_is_familiarity, "image statistics, or null"),
+    "delivery": (_is_delivery, "promises and outcomes of plans on fresh objects"),
     POWER: (_are_powers, f"a number in (0, {STRONGEST:g}] by role"),
 }
 """What may stand in a card, and how it is checked; a check may also raise what is wrong."""

@@ -18,7 +18,7 @@ from torch.overrides import TorchFunctionMode
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.files import make_directory
 from bayesgrasp.geometry.camera import Camera, canonical_camera
-from bayesgrasp.ratio.card import SCHEMA, check_card, read_card, write_card
+from bayesgrasp.ratio.card import SCHEMA, check_card, promising_weights, read_card, write_card
 from bayesgrasp.ratio.kinds import KINDS, build, config_from_dict, config_to_dict
 from bayesgrasp.ratio.model import POWER, ROLES, GraspModel
 from bayesgrasp.ratio.tensor_file import (
@@ -141,6 +141,8 @@ def join_models(directories: Sequence[Path], out: Path) -> None:
     make_directory(out)
     for role, estimator in estimators.items():
         joined["estimators"][role] = {**joined["estimators"][role], "sha256": _write_weights(out, role, estimator)}
+    if "delivery" in joined and tuple(joined["delivery"]["weights"]) != promising_weights(joined):
+        del joined["delivery"]  # of other weights than are joined here
     write_card(out, joined)
 
 

@@ -14,9 +14,9 @@ from bayesgrasp.evaluation.journal import Journal, SceneResult
 from bayesgrasp.evaluation.runner import Benchmark, Contestants, run, skipped
 from bayesgrasp.evaluation.shifts import NONE, SHIFTS, Shift, find_shift
 from bayesgrasp.evaluation.strategies import STRATEGIES, SearchConfig
-from bayesgrasp.evaluation.tables import markdown, markdown_per_object, summarize
+from bayesgrasp.evaluation.tables import markdown, markdown_per_object, promises_of, summarize
 from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
-from bayesgrasp.files import write_json, write_text
+from bayesgrasp.files import write_json, write_text, write_through
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.ratio.card import read_card
@@ -148,6 +148,8 @@ class Evaluation:
         write_text(out / "per_object.md", markdown_per_object(summary))
         plot_ladder(summary, out / "ladder.png", self.split)
         plot_per_object(summary, out / "per_object.png")
+        if (kept := promises_of(result.trials["plan"] for result in results if "plan" in result.trials)) is not None:
+            write_through(out / "promises.png", lambda file: kept.draw().savefig(file, format="png", dpi=110))
         return summary
 
     def draw_failures(self, results: Sequence[SceneResult], count: int, path: Path) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from bayesgrasp.planning.planner import Planner, PlannerConfig, TrainedLikelihoo
 from bayesgrasp.planning.selection import Robot
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import load_model
+from bayesgrasp.ratio.delivery import Delivery
 from bayesgrasp.ratio.kinds import LIMITS
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.robot.arm import ur5
@@ -53,8 +54,9 @@ def load_planner(
     trained = trained.to(where)
     familiarity = trained.card.get("familiarity")
     known = None if familiarity is None else Familiarity.from_dict(familiarity)
+    delivery = trained_delivery(trained.card)
     return Planner(
-        TrainedLikelihood(trained.given_image, success_probability(trained), where),
+        TrainedLikelihood(trained.given_image, success_probability(trained, delivery), delivery, where),
         trained_prior(trained.card),
         Observer(CanonicalView().of, SurfaceReader(network_camera()), known),
         Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
@@ -110,13 +112,29 @@ def trained_prior(card: Mapping[str, Any]) -> GraspPrior:
         raise CheckpointError(f"the prior in the model's card cannot be read: {error}") from error
 
 
-def success_probability(model: GraspModel) -> Callable[[Tensor], Tensor]:
+def trained_delivery(card: Mapping[str, Any]) -> Delivery | None:
+    """What plans of a model delivered on fresh objects; None where its card does not say."""
+    return Delivery.from_dict(card["delivery"]) if "delivery" in card else None
+
+
+def success_probability(model: GraspModel, delivery: Delivery | None = None) -> Callable[[Tensor], Tensor]:
     """From values of the model's log-ratio to estimates of p(S=1 | i, h).
 
     A success estimator's log-ratio is a log p(S=1 | i, h) with the model's power a. For a factorised one
     p(S=1 | i, h) = r p(S=1 | i), where p(S=1) of the training data stands for p(S=1 | i).
+
+    Args:
+        model: The model.
+        delivery: Calibrates the estimates to fresh objects.
     """
-    if "success" in model.estimators:
-        return lambda log_ratio: (log_ratio / model.power).exp().clamp(max=1.0)
     rate = float(model.card.get("success_rate") or math.nan)
-    return lambda log_ratio: (log_ratio.exp() * rate).clamp(max=1.0)
+
+    def estimate(log_ratio: Tensor) -> Tensor:
+        if "success" in model.estimators:
+            return (log_ratio / model.power).exp().clamp(max=1.0)
+        return (log_ratio.exp() * rate).clamp(max=1.0)
+
+    if delivery is None:
+        return estimate
+    calibration = delivery.calibration
+    return lambda log_ratio: log_ratio.new_tensor(calibration.of(estimate(log_ratio).cpu().numpy()))
