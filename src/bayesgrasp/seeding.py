@@ -46,6 +46,9 @@ class Stream(Enum):
     PRACTICE_HANDS = (4, 8)  # chunk: hands of a proposer
     COPIES = (7,)  # (): stretched copies of objects
 
+    # Objects
+    PROCEDURAL = (40,)  # index: kind, sizes, pose and density of a procedural object
+
     # Lift tests from the prior
     TRIAL = (14,)  # round, chunk: attempts
     FRESH_TRIAL = (8, 0)  # round, chunk: attempts until enough succeed

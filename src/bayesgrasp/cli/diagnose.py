@@ -49,7 +49,7 @@ def diagnose(
         json: Where the numbers go.
         out: Where the figures go.
         seed: Of all random numbers.
-        split: With --fresh, the objects: train, unseen, ...
+        split: With --fresh, the objects; see `bayesgrasp generate`.
         ycb_dir: With --fresh, directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         workers: Processes.
     """

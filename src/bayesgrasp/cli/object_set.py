@@ -17,7 +17,8 @@ class ObjectSet:
     """Which objects.
 
     Attributes:
-        split: train, train-ycb, unseen, household, stand-ins, other, all, or one object's id.
+        split: train, train-ycb, unseen, household, stand-ins, other, all, procedural:N@SEED (objects 0 to N - 1 of a
+            seed of the generator), one object's id, or several of these joined by +: train+procedural:2000@7.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         mesh: A mesh file to use instead (metres, z upwards); needs --mass.
         mass: Its mass, kg.

@@ -23,15 +23,14 @@ from bayesgrasp.objects.listing import Summary, summarise
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.viewer.object_picture import object_picture
 
-Split = Literal["train", "train-ycb", "unseen", "household", "stand-ins", "other", "all"]
 
-
-def list_objects(split: Split = "all", ycb_dir: Path | None = None, json: Path | None = None) -> None:
+def list_objects(split: str = "all", ycb_dir: Path | None = None, json: Path | None = None) -> None:
     """List the objects of the catalogue.
 
     Args:
         split: Which objects: train (19 YCB scans and 5 household stand-ins), train-ycb (the 19 only), unseen (5 YCB
-            scans), household, stand-ins, other (scans outside our splits), or all that are there.
+            scans), household, stand-ins, other (scans outside our splits), procedural:N@SEED (made objects), all
+            scans and household shapes that are there, one id, or several of these joined by +.
         ycb_dir: Directory of YCB scans, <id>/google_16k/nontextured.ply; by default $BAYESGRASP_YCB_DIR.
         json: Also write the list to this file.
     """
@@ -115,11 +114,11 @@ def _one(id: str | None, ycb_dir: Path | None, mesh: Path | None, mass: float | 
 
 def _table(summaries: list[Summary]) -> list[str]:
     width = max(len(summary.id) for summary in summaries)
-    lines = [f"{'id':{width}}  {'source':9}  {'split':9}  {'mass kg':>7}  {'extents mm':>17}  parts"]
+    lines = [f"{'id':{width}}  {'source':10}  {'split':10}  {'mass kg':>7}  {'extents mm':>17}  parts"]
     for s in summaries:
         extents = " x ".join(f"{1000 * length:.0f}" for length in s.extents_m)
         parts = "-" if s.parts is None else str(s.parts)
-        lines.append(f"{s.id:{width}}  {s.source:9}  {s.split:9}  {s.mass_kg:7.3f}  {extents:>17}  {parts:>5}")
+        lines.append(f"{s.id:{width}}  {s.source:10}  {s.split:10}  {s.mass_kg:7.3f}  {extents:>17}  {parts:>5}")
     if any(summary.parts is None for summary in summaries):
         lines.append("- : not cut into convex parts yet; that happens once, at first use")
     return lines

@@ -29,6 +29,9 @@ from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.motion import Motion, hand_poses, plan_motion
 from bayesgrasp.types import Attempts, GraspType
 
+MOST_COMPILED = 256
+"""Benches that are kept: some 1.4 MB each, and an object set may have thousands of objects."""
+
 
 class Bench:
     """Everything compiled for one object.
@@ -59,7 +62,7 @@ class Bench:
 
 
 class Benches:
-    """A bench for each object, compiled when the object is first met, and what is known of the hand without one.
+    """A bench for each object, compiled when the object is met, and what is known of the hand without one.
 
     Args:
         objects: What `Attempts.object_index` refers to, in order.
@@ -84,12 +87,15 @@ class Benches:
         self._compiled: dict[int, Bench] = {}
 
     def __getitem__(self, index: int) -> Bench:
-        """The bench of an object, by its index."""
-        if index not in self._compiled:
-            self._compiled[index] = Bench(
-                self.objects[index], self.arm, self.gripper, self._closing, self.config, self._make_engine
-            )
-        return self._compiled[index]
+        """The bench of an object, by its index; the one that was not asked for longest makes room for a new one."""
+        bench = self._compiled.pop(index, None)
+        if bench is None:
+            asset = self.objects[index]
+            bench = Bench(asset, self.arm, self.gripper, self._closing, self.config, self._make_engine)
+            if len(self._compiled) >= MOST_COMPILED:
+                del self._compiled[next(iter(self._compiled))]
+        self._compiled[index] = bench
+        return bench
 
     def bind(self, attempts: Attempts, asked: Asked) -> BoundAttempts:
         """Attempts at their benches.

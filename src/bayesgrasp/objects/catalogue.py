@@ -1,5 +1,8 @@
 """The catalogue: every object by its id, wherever it comes from, ready for the simulators.
 
+A selection is a split, an id, or several of these joined by ``+``: ``train+procedural:2000@7``. Scenes are drawn evenly
+over the objects of a selection, wherever they come from.
+
 | split | objects |
 |---|---|
 | ``train`` | the 19 YCB training scans and the 5 household stand-ins for the paper's ShapeNet objects (section 4.1) |
@@ -8,7 +11,8 @@
 | ``household`` | the household objects that are not stand-ins; needs no files |
 | ``stand-ins`` | the 5 household stand-ins; needs no files |
 | ``other`` | scans in the YCB directory that belong to no split of ours |
-| ``all`` | everything available |
+| ``procedural:N@SEED`` | objects 0 to N - 1 of a seed of the generator (`objects/procedural`); needs no files |
+| ``all`` | everything available but procedural objects |
 """
 
 from __future__ import annotations
@@ -26,10 +30,12 @@ from bayesgrasp.meshes.part_cache import cut_and_settle
 from bayesgrasp.meshes.resting import Resting, rest
 from bayesgrasp.objects import household, ycb
 from bayesgrasp.objects.object_asset import ObjectAsset, check_mass
+from bayesgrasp.objects.procedural import numbers, thing
 
 __all__ = ["SPLITS", "ObjectAsset", "available", "load_file", "load_objects", "object_ids"]
 
 SPLITS = ("train", "train-ycb", "unseen", "household", "stand-ins", "other", "all")
+VALID = f"the splits {', '.join(SPLITS)} and {numbers.FORM}"
 
 
 def load_objects(
@@ -42,7 +48,8 @@ def load_objects(
     """Load objects by split or by id, or one mesh file.
 
     Args:
-        which: One of `SPLITS`, one id, or a sequence of ids; the order is kept.
+        which: A split, an id, or several of these joined by ``+`` (an object in two of them is there once), or a
+            sequence of splits and ids. The order is kept.
         ycb_dir: Directory of YCB scans; by default ``$BAYESGRASP_YCB_DIR``.
         mesh: A mesh file in metres, z upwards; then it is the only object and ``which`` is not looked at.
         mass: Its mass, kilograms; given if and only if ``mesh`` is.
@@ -80,25 +87,33 @@ def available(root: Path | None) -> dict[str, str]:
 
 
 def object_ids(which: str | Sequence[str], root: Path | None) -> tuple[str, ...]:
-    """Ids of a split, or the ids given, checked.
+    """Ids of a selection, checked.
 
     Args:
         which: See `load_objects`.
         root: Directory of YCB scans, or None.
 
     Raises:
-        AssetError: An id or split is unknown or not there; the message names the valid ones.
+        AssetError: An id or split is unknown, badly formed or not there; the message names the valid ones.
     """
     there = available(root)
-    if isinstance(which, str) and which in SPLITS:
-        return _split(which, there)
-    ids = (which,) if isinstance(which, str) else tuple(which)
-    if not ids:
-        raise AssetError(f"no object was named; valid are the splits {', '.join(SPLITS)}, or ids of objects")
-    for object_id in ids:
-        if object_id not in there:
-            raise AssetError(_unknown(object_id, there, root))
-    return ids
+    if isinstance(which, str):
+        found = (object_id for term in which.split("+") for object_id in _term(term.strip(), there, root))
+        return tuple(dict.fromkeys(found))
+    if not which:
+        raise AssetError(f"no object was named; valid are {VALID}, or ids of objects")
+    return tuple(object_id for name in which for object_id in _term(name, there, root))
+
+
+def _term(term: str, there: dict[str, str], root: Path | None) -> tuple[str, ...]:
+    """Ids of one split, or the one id."""
+    if term in SPLITS:
+        return _split(term, there)
+    if (ids := numbers.ids_of(term)) is not None:
+        return ids
+    if term not in there and numbers.number_of(term) is None:
+        raise AssetError(_unknown(term, there, root))
+    return (term,)
 
 
 def _split(split: str, there: dict[str, str]) -> tuple[str, ...]:
@@ -125,7 +140,7 @@ def _unknown(object_id: str, there: dict[str, str], root: Path | None) -> str:
     where = f"in {root}" if root else f"(no YCB directory: name one by --ycb-dir or {ycb.DIRECTORY_VARIABLE})"
     if object_id in ycb.masses():
         return f"there is no scan of '{object_id}' {where}; `bayesgrasp objects fetch --ids {object_id}` gets it"
-    return f"unknown object '{object_id}'; valid are the splits {', '.join(SPLITS)} and the ids {', '.join(there)}"
+    return f"unknown object '{object_id}'; valid are {VALID}, and the ids {', '.join(there)}"
 
 
 def _load(object_id: str, scans: dict[str, Path], convex: ConvexConfig) -> ObjectAsset:
@@ -134,6 +149,8 @@ def _load(object_id: str, scans: dict[str, Path], convex: ConvexConfig) -> Objec
         solid = recipe.build()
         split = household.split_of(object_id)
         return _place(object_id, "household", split, recipe.mass_kg, solid.mesh, rest(solid.parts))
+    if (number := numbers.number_of(object_id)) is not None:
+        return thing.make(*number)
     surface = read_mesh(scans[object_id])
     resting = cut_and_settle(surface, short(scans[object_id]), convex)
     return _place(object_id, "ycb", ycb.split_of(object_id), ycb.mass_of(object_id), surface, resting)

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesgrasp.meshes.mesh_file import read_mesh
 from bayesgrasp.meshes.part_cache import peek
-from bayesgrasp.objects import household, ycb
+from bayesgrasp.objects import ycb
 from bayesgrasp.objects.catalogue import available, load_objects, object_ids
 
 
@@ -20,7 +20,7 @@ class Summary:
 
     Attributes:
         id: Name in the catalogue.
-        source: "household" or "ycb".
+        source: "household", "procedural" or "ycb".
         split: See `catalogue.SPLITS`.
         mass_kg: Mass at scale 1.
         extents_m: Lengths of the bounding box along the axes of the object frame (of the file where not yet settled).
@@ -45,12 +45,11 @@ def summarise(which: str | Sequence[str] = "all", ycb_dir: Path | None = None) -
     splits = available(root)
     scans = {} if root is None else ycb.scans(root)
     return [
-        _household(name) if name in household.OBJECTS else _scan(name, splits[name], scans[name])
-        for name in object_ids(which, root)
+        _scan(name, splits[name], scans[name]) if name in scans else _recipe(name) for name in object_ids(which, root)
     ]
 
 
-def _household(name: str) -> Summary:
+def _recipe(name: str) -> Summary:
     (asset,) = load_objects(name)
     x, y, z = (round(float(length), 4) for length in asset.extents)
     return Summary(name, asset.source, asset.split, asset.mass_kg, (x, y, z), len(asset.parts))

@@ -24,8 +24,8 @@ class ObjectAsset:
 
     Attributes:
         id: Name in the catalogue.
-        source: "household", "ycb" or "file".
-        split: "train", "unseen", "household" or "other".
+        source: "household", "ycb", "procedural" or "file".
+        split: "train", "unseen", "household", "procedural" or "other".
         mass_kg: Mass at scale 1.
         vertices: Mesh vertices.
         faces: Mesh triangles, counter-clockwise seen from outside.
