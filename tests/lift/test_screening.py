@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bayesgrasp.lift.attempt import Attempt
-from bayesgrasp.lift.hand_kinematics import CLEARANCE, MARGIN, Halfspaces, HandKinematics, shape_points
+from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, Halfspaces, HandKinematics, shape_points
 from bayesgrasp.lift.screening import HandAlone, below_table, certainly_apart
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.robot.motion import hand_pose
@@ -27,6 +28,10 @@ def at(x: float, y: float, z: float) -> Attempt:
     """A hand that points down, and an object in the middle of the table."""
     item = ObjectState(planar_pose(0.0, 0.0, 0.0), 1.0, 1.0, 0.8, 0.004)
     return Attempt(GraspType.BASIC, hand_pose(np.array([x, y, z]), DOWN), item)
+
+
+def recorded(kinematics: HandKinematics) -> dict[GraspType, FreeClosing]:
+    return {g: kinematics.record_closing(g, 0.01, 150, 5) for g in GraspType}
 
 
 def test_shape_points_cover_their_shape() -> None:
@@ -78,14 +83,13 @@ def test_samples_of_the_closing_motion_are_close_enough(kinematics: HandKinemati
 
 def test_clearance_of_a_hand_above_a_ball(kinematics: HandKinematics) -> None:
     (ball,) = load_objects(["household_ball"])
-    closing = {g: kinematics.free_closing(g, 0.01) for g in GraspType}
-    hand = HandAlone(robotiq_3f(), ball, closing)
+    hand = HandAlone(robotiq_3f(), ball, recorded(kinematics))
     low, free, around = (at(x, y, z) for x, y, z in ((0.0, 0.0, 0.12), (0.3, 0.3, 0.30), (0.0, 0.0, 0.19)))
     assert hand.approach_clearance(low, 0.1) < 0.0, "fingers of 17 cm reach below the table there"
     assert hand.approach_clearance(free, 0.1) == np.inf
-    assert hand.closing_clearance(free) == np.inf
+    assert hand.closing_window(free) is None
     assert hand.approach_clearance(around, 0.1) >= 0.0
-    assert hand.closing_clearance(around) < CLEARANCE
+    assert hand.closing_window(around) is not None
 
 
 def test_free_closing_is_the_same_every_time(kinematics: HandKinematics) -> None:
@@ -93,10 +97,38 @@ def test_free_closing_is_the_same_every_time(kinematics: HandKinematics) -> None
     np.testing.assert_array_equal(first, second)
 
 
+def test_a_recorded_closing_is_sampled_often_enough_and_ends_with_its_limit(kinematics: HandKinematics) -> None:
+    for grasp_type in GraspType:
+        closing = kinematics.record_closing(grasp_type, 0.01, 40, 5)
+        assert len(closing) == 1 + 40 + 5
+        clouds = [kinematics._cloud(angles) for angles in closing.angles]
+        moves = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(clouds)]
+        assert max(moves) <= 2 * (closing.near - MARGIN) + 1e-12
+        np.testing.assert_allclose(np.diff(closing.way), moves, atol=1e-12)
+
+
+def test_a_window_has_every_tick_near_something(kinematics: HandKinematics) -> None:
+    """Clearances that change by no more than the hand moves, looked at in every tick and not only where asked."""
+    closing, rng = kinematics.record_closing(GraspType.BASIC, 0.01, 150, 5), generator(5, 0)
+    found = []
+    for _ in range(200):
+        slope = rng.uniform(-1.0, 1.0, len(closing) - 1).cumsum() / 10
+        clearance = rng.uniform(0.0, 0.02) + np.cumsum([0.0, *np.clip(slope, -1, 1) * np.diff(closing.way)])
+        window = closing.window(lambda tick, known=clearance: float(min(known[tick], CLEARANCE)))
+        near = np.flatnonzero(clearance < MARGIN)
+        found.append(window is not None)
+        if len(near):
+            assert window is not None
+            assert window.first <= near[0]
+            assert near[-1] <= window.last
+        if (clearance > closing.near).all():
+            assert window is None
+    assert {True, False} == set(found)
+
+
 def test_an_overlap_with_the_object_is_seen(kinematics: HandKinematics) -> None:
     (ball,) = load_objects(["household_ball"])
-    closing = {g: kinematics.free_closing(g, 0.01) for g in GraspType}
-    hand = HandAlone(robotiq_3f(), ball, closing)
+    hand = HandAlone(robotiq_3f(), ball, recorded(kinematics))
     rng = generator(3, 0)
     points, radii = kinematics.open_points(GraspType.BASIC)
     vertices = ball.vertices

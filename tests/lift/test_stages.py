@@ -9,6 +9,7 @@ import pytest
 from bayesgrasp.generation.trials import Priors, draw_attempts
 from bayesgrasp.lift.bench import Benches, BoundAttempt
 from bayesgrasp.lift.execution import Asked, Verdict
+from bayesgrasp.lift.free_closing import Window
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.lift.stages import STAGES, Role, judged
@@ -80,7 +81,7 @@ def test_answers_do_not_depend_on_what_was_asked_before(benches: Benches, attemp
     alone = [answers(benches.bind(pair[[k]], Asked())[0]) for k in range(2)]
     bound = benches.bind(pair, Asked())
     first, second = bound[0], bound[1]
-    mixed = (first.motion, second.closing_clearance, second.approach_clearance, first.closing_clearance, second.motion)
+    mixed = (first.motion, second.closing_window, second.approach_clearance, first.closing_window, second.motion)
     assert None not in mixed
     assert [answers(first), answers(second)] == alone
     physics = STAGES[-1].judge
@@ -88,9 +89,10 @@ def test_answers_do_not_depend_on_what_was_asked_before(benches: Benches, attemp
     assert forward == list(reversed(backward)) == [runs[row] for row in near]
 
 
-def answers(one: BoundAttempt) -> tuple[float, float, bytes]:
+def answers(one: BoundAttempt) -> tuple[float, Window | None, bytes]:
     assert one.motion is not None
-    return one.approach_clearance, one.closing_clearance, one.motion.transit.tobytes() + one.motion.approach.tobytes()
+    motion = one.motion.transit.tobytes() + one.motion.approach.tobytes()
+    return one.approach_clearance, one.closing_window, motion
 
 
 def test_without_a_way_screens_are_asked_in_any_case(benches: Benches, attempts: Attempts) -> None:

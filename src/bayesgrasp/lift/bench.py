@@ -18,8 +18,9 @@ from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.bullet.bullet_engine import BulletEngine
 from bayesgrasp.lift.bullet.client import connect
 from bayesgrasp.lift.engine import MujocoEngine
-from bayesgrasp.lift.execution import Asked
-from bayesgrasp.lift.hand_kinematics import HandKinematics, JointPath
+from bayesgrasp.lift.execution import Asked, FreePart
+from bayesgrasp.lift.free_closing import FreeClosing, Window
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, HandKinematics
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.rig import MakeEngine, Rig
 from bayesgrasp.lift.screening import HandAlone
@@ -50,7 +51,7 @@ class Bench:
         asset: ObjectAsset,
         arm: ArmDescription,
         gripper: GripperDescription,
-        closing: dict[GraspType, JointPath],
+        closing: dict[GraspType, FreeClosing],
         config: LiftTestConfig,
         make_engine: MakeEngine,
     ) -> None:
@@ -79,10 +80,14 @@ class Benches:
         self, objects: Sequence[ObjectAsset], config: LiftTestConfig, arm: ArmDescription, gripper: GripperDescription
     ) -> None:
         self.objects, self.config, self.arm, self.gripper = tuple(objects), config, arm, gripper
-        kinematics = HandKinematics(gripper)
+        kinematics = HandKinematics(gripper, config.physics)
         self.covers = {g: kinematics.open_points(g) for g in GraspType}
         self.regions = {g: kinematics.touchable_regions(g, config.motion.standoff) for g in GraspType}
-        self._closing = {g: kinematics.free_closing(g, config.lift.control_period) for g in GraspType}
+        lift = config.lift
+        self._closing = {
+            g: kinematics.record_closing(g, lift.control_period, lift.closing_ticks, lift.settling_ticks)
+            for g in GraspType
+        }
         self._make_engine = _engine_maker(config)
         self._compiled: dict[int, Bench] = {}
 
@@ -163,10 +168,23 @@ class BoundAttempt:
         """Of the open hand from object and table on its straight way to h; see `HandAlone.approach_clearance`."""
         return self.bench.hand.approach_clearance(self.attempt, self.bench.config.motion.standoff)
 
+    @property
+    def approach_is_free(self) -> bool:
+        """Whether the hand certainly touches nothing on its way to h."""
+        return self.approach_clearance >= CLEARANCE
+
     @cached_property
-    def closing_clearance(self) -> float:
-        """Of the hand while it closes on nothing at h; see `HandAlone.closing_clearance`."""
-        return self.bench.hand.closing_clearance(self.attempt)
+    def closing_window(self) -> Window | None:
+        """When the hand may touch something while it closes at h; see `HandAlone.closing_window`."""
+        return self.bench.hand.closing_window(self.attempt)
+
+    @property
+    def free_part(self) -> FreePart | None:
+        """What physics need not play; None for another engine, whose hands move otherwise, and where nothing is met."""
+        free, window = self.approach_is_free, self.closing_window
+        if self.bench.config.engine != "mujoco" or (free and window is None):
+            return None
+        return FreePart(free, self.bench.hand.closing[self.attempt.grasp_type], window)
 
     @cached_property
     def motion(self) -> Motion | None:

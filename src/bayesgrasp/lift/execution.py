@@ -1,13 +1,15 @@
 """Physics of one attempt: approach, close until contact, lift, hold, decide (section 4.1).
 
 The fingers close at the motors' speed; a motor stops when its tension reaches its torque and goes on if the tension
-falls again, and its gear holds what it has reached. The success criterion is stated here and nowhere else, see
-`LiftConfig`; the harder one is `bayesgrasp.lift.hold`. Neither knows which engine runs.
+falls again, and its gear holds what it has reached. What is certainly free of contact need not be played: physics can
+begin shortly before the first possible touch, with the arm at h and the hand as the recorded free motion has it. The
+success criterion is stated here and nowhere else, see `LiftConfig`; the harder one is `bayesgrasp.lift.hold`. Neither
+knows which engine runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -17,12 +19,19 @@ from jaxtyping import Float64
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.engine import DivergedError
+from bayesgrasp.lift.free_closing import MARGIN, FreeClosing, Window
 from bayesgrasp.lift.hold import HoldConfig, holds
 from bayesgrasp.lift.rig import Rig
 from bayesgrasp.robot.motion import Motion
-from bayesgrasp.types import GraspType, Outcome
+from bayesgrasp.types import Outcome
 
 Observer = Callable[[mujoco.MjModel, mujoco.MjData], None]
+Angles = Float64[np.ndarray, "6"]
+
+LEAD = 3
+"""Ticks before the first possible contact at which physics begins; an object that stands settles within two."""
+LAG = 2
+"""Ticks by which the closing hand in physics may be behind the recorded one."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +78,16 @@ class LiftConfig:
         if not 0 < self.success_rise <= 1:
             raise InvalidConfigurationError(f"success_rise must be in (0, 1], got {self.success_rise}")
 
+    @property
+    def closing_ticks(self) -> int:
+        """Control periods of closing, at most."""
+        return round(self.closing_limit / self.control_period)
+
+    @property
+    def settling_ticks(self) -> int:
+        """Control periods after closing and before the lift."""
+        return round(self.settle_time / self.control_period)
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -89,14 +108,38 @@ class Asked:
 
     Attributes:
         hold: The harder criterion, if it is to be tried after a success.
-        observe: Called after every control period.
+        observe: Called after every control period, also of what is not played.
+        ends_early: Whether physics ends once the outcome is certain.
     """
 
     hold: HoldConfig | None = None
     observe: Observer | None = None
+    ends_early: bool = True
 
 
-def execute(rig: Rig, attempt: Attempt, motion: Motion, config: LiftConfig, asked: Asked = Asked()) -> Verdict:
+@dataclass(frozen=True)
+class FreePart:
+    """What of an attempt is certainly free of contact, so that physics need not play it.
+
+    Attributes:
+        approach: Whether the approach is.
+        closing: The free closing motion of the hand.
+        window: Outside of it the closing is, if nothing was touched before.
+    """
+
+    approach: bool
+    closing: FreeClosing
+    window: Window | None
+
+
+def execute(
+    rig: Rig,
+    attempt: Attempt,
+    motion: Motion,
+    config: LiftConfig,
+    asked: Asked = Asked(),
+    free: FreePart | None = None,
+) -> Verdict:
     """Run an attempt from the pre-grasp to its end.
 
     Args:
@@ -105,9 +148,10 @@ def execute(rig: Rig, attempt: Attempt, motion: Motion, config: LiftConfig, aske
         motion: Of the arm; the transit is not simulated.
         config: Timing and criterion.
         asked: What else is wanted.
+        free: What need not be played; everything is by default.
     """
     rig.prepare(attempt)
-    run = _Run(rig, attempt.grasp_type, motion, config, asked.observe)
+    run = _Run(rig, attempt, motion, config, asked, free)
     outcome, hold = Outcome.DIVERGED, asked.hold
     try:
         outcome = run.outcome()
@@ -123,31 +167,74 @@ class _Run:
     """One attempt in progress."""
 
     def __init__(
-        self, rig: Rig, grasp_type: GraspType, motion: Motion, config: LiftConfig, observe: Observer | None
+        self,
+        rig: Rig,
+        attempt: Attempt,
+        motion: Motion,
+        config: LiftConfig,
+        asked: Asked,
+        free: FreePart | None,
     ) -> None:
-        self.rig, self.motion, self.config, self.observe = rig, motion, config, observe
-        self.grasp_type = grasp_type
+        self.rig, self.attempt, self.motion, self.config = rig, attempt, motion, config
+        self.observe, self.ends_early, self.free = asked.observe, asked.ends_early, free
         self.closing = self.advancing = self.touched = False
         self.released = 0.0
 
     def outcome(self) -> Outcome:
         """Run all phases."""
-        config = self.config
         self.rig.set_arm(self.motion.approach[0])
         self.rig.engine.start()
-        self._follow(self.motion.approach, config.approach_time)
-        self._close()
-        self._wait(config.settle_time)
+        certain = self._close(self._approach())
         if not self.touched:
             return Outcome.NO_CONTACT
-        return Outcome.SUCCESS if self._lift() else Outcome.DROPPED
+        return Outcome.SUCCESS if not certain and self._lift() else Outcome.DROPPED
 
-    def _close(self) -> None:
-        """Close until no motor advances; from now on the motors keep their torque."""
+    def _approach(self) -> int:
+        """Come to h, and to the tick of the closing from which on it is played."""
+        path, duration, free = self.motion.approach, self.config.approach_time, self.free
+        if free is None or free.window is None:
+            self._follow(path, duration)
+            return 0
+        if free.approach:
+            for angles in self._set_points(path, duration) if self.observe is not None else path[-1:]:
+                self.rig.set_arm(angles)
+                self._show()
+        else:
+            self._follow(path, duration)
+        return 0 if self.touched else self._skip(free, min(free.window.first - LEAD, self.config.closing_ticks))
+
+    def _skip(self, free: FreePart, ticks: int) -> int:
+        """Close by so many ticks without physics; how many they were."""
+        if ticks <= 0:
+            return 0
+        self.rig.set_arm(self.motion.approach[-1])
+        for tick in range(1, ticks + 1) if self.observe is not None else [ticks]:
+            self.rig.move_hand_on(free.closing.states[tick])
+            self._show()
+        return ticks
+
+    def _close(self, first: int) -> bool:
+        """Close until no motor advances, and settle; from now on the motors keep their torque.
+
+        Returns:
+            Whether it was certain before the end that the lift is in vain.
+        """
         self.closing = self.advancing = True
-        for _ in range(round(self.config.closing_limit / self.config.control_period)):
-            if self.advancing:
-                self.tick()
+        for tick in range(first + 1, self.config.closing_ticks + 1):
+            self.tick()
+            if self.ends_early and self._is_in_vain(tick):
+                return True
+            if not self.advancing:
+                break
+        self._wait(self.config.settle_time)
+        return False
+
+    def _is_in_vain(self, tick: int) -> bool:
+        """Whether nothing was touched until this tick and nothing will be, since the object stands where it stood."""
+        if self.touched or self.free is None:
+            return False
+        last = -1 if self.free.window is None else self.free.window.last
+        return tick > last + LAG and self.rig.object_shift(self.attempt.item) < MARGIN / 3.0
 
     def _lift(self) -> bool:
         """Rise and hold; whether the criterion of `LiftConfig` is met. Ends early once the object is lost."""
@@ -160,15 +247,20 @@ class _Run:
 
     def _follow(self, path: Float64[np.ndarray, "waypoints 6"], duration: float) -> bool:
         """Move the arm's set-points smoothly along a path; False as soon as the object is lost after closing."""
+        for angles in self._set_points(path, duration):
+            self.rig.command_arm(angles)
+            if not self.tick():
+                return False
+        return True
+
+    def _set_points(self, path: Float64[np.ndarray, "waypoints 6"], duration: float) -> Iterator[Angles]:
+        """Of the arm, one a control period."""
         ticks = max(1, round(duration / self.config.control_period))
         for fraction in np.arange(1, ticks + 1) / ticks:
             # 3 f^2 - 2 f^3: at rest at both ends.
             smooth = fraction * fraction * (3.0 - 2.0 * fraction) * (len(path) - 1)
             index = min(int(smooth), len(path) - 2)
-            self.rig.command_arm(path[index] + (smooth - index) * (path[index + 1] - path[index]))
-            if not self.tick():
-                return False
-        return True
+            yield path[index] + (smooth - index) * (path[index + 1] - path[index])
 
     def _wait(self, duration: float) -> bool:
         return all(self.tick() for _ in range(round(duration / self.config.control_period)))
@@ -176,7 +268,7 @@ class _Run:
     def tick(self) -> bool:
         """One control period; False once hand and object were apart for longer than the release time."""
         rig, period = self.rig, self.config.control_period
-        self.advancing = self.closing and rig.hand.close(rig.data, self.grasp_type, period)
+        self.advancing = self.closing and rig.hand.close(rig.data, self.attempt.grasp_type, period)
         rig.step(period, self.config.largest_speed)
         touching = rig.engine.touching()
         self.touched |= touching
@@ -184,3 +276,9 @@ class _Run:
         if self.observe is not None:
             self.observe(rig.model, rig.data)
         return not self.touched or self.released <= self.config.release_time
+
+    def _show(self) -> None:
+        """One control period that is not played, to whom it concerns."""
+        if self.observe is not None:
+            self.rig.pass_time(self.config.control_period)
+            self.observe(self.rig.model, self.rig.data)

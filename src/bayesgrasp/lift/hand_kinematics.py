@@ -10,23 +10,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
+from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
 from bayesgrasp.robot.gripper import GripperDescription, Shape
-from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
-from bayesgrasp.robot.physics_scene import TABLE_GEOM, new_spec
+from bayesgrasp.robot.gripper_model import GripperHandle, HandState, add_gripper
+from bayesgrasp.robot.physics_scene import TABLE_GEOM, PhysicsConfig, new_spec
 from bayesgrasp.types import GraspType
 
 Points = Float64[np.ndarray, "_ 3"]
 JointPath = Float64[np.ndarray, "_ joints"]
-
-MARGIN = 0.003
-"""Metres that the hand in physics may be away from where geometry has it: soft contacts, servos, a settling object."""
 
 CLEARANCE = 0.0095
 """Metres that the hand keeps from everything at samples of its motion, to be sure of `MARGIN` between them, too."""
@@ -66,9 +64,9 @@ def shape_points(shape: Shape) -> tuple[Points, float]:
 class HandKinematics:
     """Positions of a hand's shapes in the hand frame at any joint angles (one compiled model, no object)."""
 
-    def __init__(self, gripper: GripperDescription) -> None:
+    def __init__(self, gripper: GripperDescription, physics: PhysicsConfig | None = None) -> None:
         self.gripper = gripper
-        spec = new_spec()
+        spec = new_spec(physics or PhysicsConfig())
         spec.geom(TABLE_GEOM).contype = spec.geom(TABLE_GEOM).conaffinity = 0
         add_gripper(spec, spec.worldbody, gripper)
         self.model = spec.compile()
@@ -93,24 +91,51 @@ class HandKinematics:
         points = np.concatenate([p for p, _ in shapes])
         return points, np.concatenate([np.full(len(p), radius) for p, radius in shapes])
 
+    def record_closing(
+        self, grasp_type: GraspType, period: float, limit: int | None = None, rest: int = 0
+    ) -> FreeClosing:
+        """The hand closing on nothing, controlled every ``period`` seconds, until no motor moves.
+
+        Args:
+            grasp_type: Pre-shape.
+            period: Of the control, seconds.
+            limit: Ticks after which it ends even if a motor still moves.
+            rest: Ticks to go on after it, with motors as they then are.
+        """
+        data, advancing = self.data, True
+        mujoco.mj_resetData(self.model, data)
+        self.hand.open(data, grasp_type)
+        states = [self.hand.state(data)]
+        while advancing and (limit is None or len(states) <= limit):
+            advancing = self._close(grasp_type, period)
+            states.append(self.hand.state(data))
+        for _ in range(rest):
+            self._close(grasp_type, period)
+            states.append(self.hand.state(data))
+        clouds = [self._cloud(state.angles) for state in states]
+        steps = [np.linalg.norm(after - before, axis=1).max() for before, after in pairwise(clouds)]
+        return FreeClosing(HandState.stack(states), np.cumsum([0.0, *steps]))
+
     def free_closing(self, grasp_type: GraspType, period: float) -> JointPath:
         """Joint angles (radians) of the hand closing on nothing, controlled every ``period`` seconds.
 
         No point of the hand moves farther than `SAMPLE_SPACING` between samples.
         """
-        model, data = self.model, self.data
-        mujoco.mj_resetData(model, data)
-        self.hand.open(data, grasp_type)
-        path = [data.qpos[self.hand.qpos].copy()]
-        last = cloud = self._cloud(path[0])
-        while self.hand.close(data, grasp_type, period):
-            mujoco.mj_step(model, data, round(period / model.opt.timestep))
-            angles = data.qpos[self.hand.qpos].copy()
-            cloud = self._cloud(angles)
+        closing = self.record_closing(grasp_type, period)
+        angles = closing.angles[:-1]  # in the last period no motor moved
+        path, last = [angles[0]], self._cloud(angles[0])
+        for now in angles[1:]:
+            cloud = self._cloud(now)
             # Not the whole spacing: one more period of closing would pass it.
             if np.linalg.norm(cloud - last, axis=1).max() > 0.75 * SAMPLE_SPACING:
-                path, last = [*path, angles], cloud
-        return np.stack([*path, data.qpos[self.hand.qpos].copy()])
+                path, last = [*path, now], cloud
+        return np.stack([*path, angles[-1]])
+
+    def _close(self, grasp_type: GraspType, period: float) -> bool:
+        """Close for one period of the control; whether a motor moved."""
+        advancing = self.hand.close(self.data, grasp_type, period)
+        mujoco.mj_step(self.model, self.data, round(period / self.model.opt.timestep))
+        return advancing
 
     def _cloud(self, angles: Float64[np.ndarray, "joints"]) -> Points:
         return np.concatenate([points for shapes in self.link_points(angles).values() for points, _ in shapes])

@@ -51,13 +51,14 @@ class LiftTest:
         Args:
             objects: What `Attempts.object_index` refers to, in order.
             config: Motion, timing and numerics.
-            screening: Decide certain outcomes without physics.
+            screening: Decide certain outcomes without physics, or before its end.
             arm: The UR5 by default.
             gripper: The Robotiq 3-Finger by default.
         """
         self.config = config or LiftTestConfig()
         self.arm, self.gripper = arm or ur5(), gripper or robotiq_3f()
         self.benches = Benches(objects, self.config, self.arm, self.gripper)
+        self.screening = screening
         self._roles = set(Role) if screening else set(Role) - {Role.SCREEN}
 
     @property
@@ -71,7 +72,7 @@ class LiftTest:
         Raises:
             InvalidConfigurationError: An attempt is not finite or names an object that is not there.
         """
-        return self._test(attempts, Asked()).outcomes
+        return self._test(attempts, Asked(ends_early=self.screening)).outcomes
 
     def judge(self, attempts: Attempts) -> Verdicts:
         """Outcomes as from `run`, and whether each grasp also held the object against pushes from six sides.
@@ -79,7 +80,7 @@ class LiftTest:
         Raises:
             InvalidConfigurationError: An attempt is not finite or names an object that is not there.
         """
-        return self._test(attempts, Asked(hold=self.config.hold))
+        return self._test(attempts, Asked(hold=self.config.hold, ends_early=self.screening))
 
     def observe(self, attempts: Attempts, observer: Observer) -> Outcome:
         """The outcome of the first attempt, with every control period of its physics shown to an observer.
@@ -89,7 +90,7 @@ class LiftTest:
         Raises:
             InvalidConfigurationError: The attempt is not finite or names an object that is not there.
         """
-        return Outcome(self._test(attempts[:1], Asked(observe=observer)).outcomes[0])
+        return Outcome(self._test(attempts[:1], Asked(observe=observer, ends_early=self.screening)).outcomes[0])
 
     def feasible(self, attempts: Attempts) -> Bool[np.ndarray, "n"]:
         """Whether the arm can bring the open hand to h: no stage that is there for that refuses.

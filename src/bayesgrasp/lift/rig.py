@@ -14,8 +14,8 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.robot.arm import ArmDescription
 from bayesgrasp.robot.arm_model import ArmHandle, add_arm
 from bayesgrasp.robot.gripper import GripperDescription
-from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
-from bayesgrasp.robot.physics_scene import ObjectHandle, PhysicsConfig, add_object, new_spec
+from bayesgrasp.robot.gripper_model import GripperHandle, HandState, add_gripper
+from bayesgrasp.robot.physics_scene import ObjectHandle, ObjectState, PhysicsConfig, add_object, new_spec
 
 MakeEngine = Callable[[mujoco.MjModel, mujoco.MjData, GripperHandle, ObjectHandle], Engine]
 """Puts an engine behind a model and its data."""
@@ -65,6 +65,15 @@ class Rig:
         """Put the arm at joint angles (radians), at rest, and command it to stay."""
         self.arm.put(self.data, angles)
 
+    def move_hand_on(self, state: HandState) -> None:
+        """Let the hand be and move as a state says."""
+        self.hand.move_on(self.data, state)
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time go by without physics, and bring positions of bodies up to date."""
+        self.data.time += seconds
+        mujoco.mj_kinematics(self.model, self.data)
+
     def command_arm(self, angles: Float64[np.ndarray, "6"]) -> None:
         """Set-points of the arm's servos, radians."""
         self.arm.command(self.data, angles)
@@ -80,6 +89,13 @@ class Rig:
     def heights(self) -> tuple[float, float]:
         """Heights of the palm and of the object's centre of mass, metres."""
         return float(self.data.xpos[self.hand.palm, 2]), float(self.data.xipos[self.object.body, 2])
+
+    def object_shift(self, placed: ObjectState) -> float:
+        """How far the object's farthest point is from where it was placed, at most; metres."""
+        position, quaternion = np.split(self.data.qpos[self.object.qpos] - placed.pose, [3])
+        # A small rotation by an angle changes a unit quaternion by half of it.
+        turned = 2.0 * float(np.linalg.norm(quaternion)) * self.object.radius
+        return float(np.linalg.norm(position)) + turned
 
     def object_in_hand(self) -> Float64[np.ndarray, "4 4"]:
         """Pose of the object's centre of mass, with the axes of its frame, in the hand frame."""

@@ -7,8 +7,9 @@ Four certainties, each conservative (an attempt that they cannot decide goes on 
 * nothing that the hand can reach while it comes and closes meets the object: NO_CONTACT. The reach of each link is the
   convex hull of its shapes over all joint angles that the stops and couplings allow, grown by a margin and drawn
   back along the approach. A hull and the object are certainly apart if a face of the hull separates them;
-* the hand, moved through its free closing motion (recorded once from physics without an object), stays farther from
-  object and table than a margin: NO_CONTACT, because physics without contact repeats the free motion.
+* the hand, on its straight way and moved through its free closing motion (recorded once from physics without an
+  object), stays farther from object and table than a margin: NO_CONTACT, because physics without contact repeats the
+  free motion. The way is sampled coarsely and with a wide margin, since the servos of the arm do not follow it exactly.
 
 The first and the third are matrix products over many attempts at once, in the hand frame.
 """
@@ -22,7 +23,8 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from bayesgrasp.lift.attempt import Attempt
-from bayesgrasp.lift.hand_kinematics import CLEARANCE, SAMPLE_SPACING, Halfspaces, JointPath, Points
+from bayesgrasp.lift.free_closing import FreeClosing, Window
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, SAMPLE_SPACING, Halfspaces, Points
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
@@ -78,7 +80,7 @@ def hull_in_hand(
 class HandAlone:
     """The hand without the arm, moved by hand, near one object on the table (one compiled model per mesh)."""
 
-    def __init__(self, gripper: GripperDescription, asset: ObjectAsset, closing: dict[GraspType, JointPath]) -> None:
+    def __init__(self, gripper: GripperDescription, asset: ObjectAsset, closing: dict[GraspType, FreeClosing]) -> None:
         spec = new_spec()
         mount = spec.worldbody.add_body(name="hand_mount", mocap=True)
         add_gripper(spec, mount, gripper)
@@ -88,7 +90,7 @@ class HandAlone:
         self.object = ObjectHandle(self.model)
         self.hand = GripperHandle(self.model, gripper)
         self.model.geom_margin[self.hand.is_geom] = CLEARANCE
-        self._closing = closing
+        self.closing = closing
 
     def approach_clearance(self, attempt: Attempt, drawback: float) -> float:
         """Distance (metres, negative for overlap) of the open hand to object or table on its straight way to h.
@@ -104,19 +106,20 @@ class HandAlone:
                 break
         return nearest
 
-    def closing_clearance(self, attempt: Attempt) -> float:
-        """Like `approach_clearance`, while the hand closes on nothing at h; ends below `CLEARANCE`."""
+    def closing_window(self, attempt: Attempt) -> Window | None:
+        """When the hand, closing on nothing at h, comes near object or table; None if it never does."""
         self._place(attempt)
-        for angles in self._closing[attempt.grasp_type]:
-            self.data.qpos[self.hand.qpos] = angles
-            clearance = self._clearance(attempt.hand_to_world[:3, 3])
-            if clearance < CLEARANCE:
-                return clearance
-        return np.inf
+        closing = self.closing[attempt.grasp_type]
+
+        def clearance(tick: int) -> float:
+            self.data.qpos[self.hand.qpos] = closing.angles[tick]
+            return min(self._clearance(attempt.hand_to_world[:3, 3]), CLEARANCE)
+
+        return closing.window(clearance)
 
     def _place(self, attempt: Attempt) -> None:
         """Open the hand, turn it, and put the object in its place."""
-        self.data.qpos[self.hand.qpos] = self._closing[attempt.grasp_type][0]
+        self.data.qpos[self.hand.qpos] = self.closing[attempt.grasp_type].angles[0]
         self.object.put(self.data, attempt.item)
         mujoco.mju_mat2Quat(self.data.mocap_quat[0], attempt.hand_to_world[:3, :3].ravel())
 

@@ -16,7 +16,6 @@ from jaxtyping import Bool, Int
 
 from bayesgrasp.lift.bench import BoundAttempt, BoundAttempts
 from bayesgrasp.lift.execution import Asked, Verdict, execute
-from bayesgrasp.lift.hand_kinematics import CLEARANCE
 from bayesgrasp.lift.screening import below_table, certainly_apart, hull_in_hand
 from bayesgrasp.robot.motion import reached
 from bayesgrasp.types import Outcome
@@ -103,7 +102,7 @@ def _overlaps(bound: BoundAttempts, rows: Rows) -> Sequence[Verdict | None]:
 
 def _closes_freely(bound: BoundAttempts, rows: Rows) -> Sequence[Verdict | None]:
     """The way there must be clear, too."""
-    free = [one.approach_clearance >= CLEARANCE and one.closing_clearance >= CLEARANCE for one in bound.each(rows)]
+    free = [one.approach_is_free and one.closing_window is None for one in bound.each(rows)]
     return _where(np.array(free, dtype=bool), Outcome.NO_CONTACT)
 
 
@@ -127,8 +126,8 @@ def _played_out(one: BoundAttempt, asked: Asked) -> Verdict | None:
     if one.motion is None:
         return None
     if config.criterion == "lift":
-        return execute(rig, one.attempt, one.motion, config.lift, asked)
-    verdict = execute(rig, one.attempt, one.motion, config.lift, replace(asked, hold=config.hold))
+        return execute(rig, one.attempt, one.motion, config.lift, asked, one.free_part)
+    verdict = execute(rig, one.attempt, one.motion, config.lift, replace(asked, hold=config.hold), one.free_part)
     lost = verdict.outcome == Outcome.SUCCESS and not verdict.held
     return Verdict(Outcome.DROPPED) if lost else verdict
 

@@ -101,12 +101,13 @@ class ArmHandle:
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
         self.qpos = np.array([model.joint(joint_name(j)).qposadr[0] for j in range(JOINTS)])
+        self._qvel = np.array([model.joint(joint_name(j)).dofadr[0] for j in range(JOINTS)])
         self._ctrl = np.array([model.actuator(joint_name(j)).id for j in range(JOINTS)])
         self._is_robot = model.body_rootid[model.geom_bodyid] == model.body(BASE_BODY).id
 
     def put(self, data: mujoco.MjData, angles: Float64[np.ndarray, "6"]) -> None:
         """Put the arm at joint angles (radians), at rest, and command it to stay."""
-        data.qpos[self.qpos] = angles
+        data.qpos[self.qpos], data.qvel[self._qvel] = angles, 0.0
         self.command(data, angles)
 
     def command(self, data: mujoco.MjData, angles: Float64[np.ndarray, "6"]) -> None:

@@ -7,10 +7,12 @@ withstands up to the gear's holding torque.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
+from jaxtyping import Float64
 
 from bayesgrasp.robot.gripper import Coupling, GripperDescription, Joint, Link, Motor
 from bayesgrasp.robot.physics_scene import ELASTIC_TIME
@@ -133,6 +135,31 @@ def _exclude_neighbours(spec: mujoco.MjSpec, gripper: GripperDescription) -> Non
         spec.add_exclude(name=f"{first}-{second}", bodyname1=first, bodyname2=second)
 
 
+@dataclass(frozen=True)
+class HandState:
+    """A hand in the middle of a motion.
+
+    Attributes:
+        angles: Of its joints, radians.
+        velocities: Of its joints, rad/s.
+        targets: Set-points of its motors, radians of their tendons.
+        tensions: Of its motors, N m.
+    """
+
+    angles: Float64[np.ndarray, "*ticks joints"]
+    velocities: Float64[np.ndarray, "*ticks joints"]
+    targets: Float64[np.ndarray, "*ticks motors"]
+    tensions: Float64[np.ndarray, "*ticks motors"]
+
+    @staticmethod
+    def stack(states: Sequence[HandState]) -> HandState:
+        """One after another."""
+        return HandState(*(np.stack([getattr(state, one.name) for state in states]) for one in fields(HandState)))
+
+    def __getitem__(self, tick: int) -> HandState:
+        return HandState(*(getattr(self, one.name)[tick] for one in fields(HandState)))
+
+
 class GripperHandle:
     """A gripper inside a compiled model: its addresses, opening and closing."""
 
@@ -140,6 +167,7 @@ class GripperHandle:
         self.gripper = gripper
         self.palm = model.body(gripper.links[0].name).id
         self.qpos = np.array([model.joint(name).qposadr[0] for name in gripper.joint_names])
+        self.qvel = np.array([model.joint(name).dofadr[0] for name in gripper.joint_names])
         bodies = [model.body(link.name).id for link in gripper.links]
         self.is_geom = np.isin(model.geom_bodyid, bodies)
         self._open = {g: gripper.open_angles(g) for g in GraspType}
@@ -155,6 +183,17 @@ class GripperHandle:
         data.qpos[self.qpos] = self._open[grasp_type]
         data.ctrl[self._holders] = self._open[grasp_type][self._held]
         data.ctrl[self._motors] = self._slack[grasp_type]
+
+    def state(self, data: mujoco.MjData) -> HandState:
+        """How the hand is and moves."""
+        return HandState(
+            data.qpos[self.qpos], data.qvel[self.qvel], data.ctrl[self._motors], data.actuator_force[self._motors]
+        )
+
+    def move_on(self, data: mujoco.MjData, state: HandState) -> None:
+        """Let the hand be and move like that; joints that are held stay so."""
+        data.qpos[self.qpos], data.qvel[self.qvel] = state.angles, state.velocities
+        data.ctrl[self._motors], data.actuator_force[self._motors] = state.targets, state.tensions
 
     def close(self, data: mujoco.MjData, grasp_type: GraspType, period: float) -> bool:
         """Advance by ``period`` seconds the motors that have reached neither torque nor travel; whether any moved."""

@@ -128,6 +128,13 @@ class ObjectHandle:
         tree = model.body_bvhadr[self.body]
         self._tree = slice(tree, tree + model.body_bvhnum[self.body])
         self._base = self._snapshot()
+        reach = np.linalg.norm(model.geom_pos[self.geoms], axis=1) + model.geom_rbound[self.geoms]
+        self._radius = float(reach.max())
+
+    @property
+    def radius(self) -> float:
+        """No point of the object is farther from the origin of its frame; metres."""
+        return self.scale * self._radius
 
     def _snapshot(self) -> dict[str, np.ndarray]:
         m = self.model
