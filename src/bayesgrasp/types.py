@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, Int, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, Int, Int32, UInt8
 from torch import Tensor
 
 
@@ -146,6 +146,37 @@ class CameraNuisances(Columns):
     near: Float32[np.ndarray, "n"]
     far: Float32[np.ndarray, "n"]
     field_of_view_factor: Float32[np.ndarray, "n"]
+
+    @property
+    def actual(self) -> CameraNuisances:
+        """What the cameras really are, without what is said of them."""
+        return CameraNuisances(**{f.name: getattr(self, f.name) for f in fields(CameraNuisances)})
+
+
+@dataclass(frozen=True)
+class StatedCameras(CameraNuisances):
+    """Cameras anywhere: what they really are, and what their user states of them, both relative to the canonical one.
+
+    Attributes:
+        stated_position_offset, stated_rotation_vector, stated_field_of_view_factor: As of `CameraNuisances`.
+        stereo: Whether it is a stereo camera; a structured-light one otherwise.
+    """
+
+    stated_position_offset: Float32[np.ndarray, "n 3"]
+    stated_rotation_vector: Float32[np.ndarray, "n 3"]
+    stated_field_of_view_factor: Float32[np.ndarray, "n"]
+    stereo: Bool[np.ndarray, "n"]
+
+    @property
+    def stated(self) -> CameraNuisances:
+        """What is said of the cameras."""
+        return CameraNuisances(
+            self.stated_position_offset,
+            self.stated_rotation_vector,
+            self.near,
+            self.far,
+            self.stated_field_of_view_factor,
+        )
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.evaluation.journal import SceneResult
 from bayesgrasp.evaluation.shifts import find_shift
 from bayesgrasp.evaluation.strategies import SearchConfig
 from bayesgrasp.evaluation.tables import markdown
 from bayesgrasp.files import check_target, write_json
 from bayesgrasp.lift.lift_config import EngineName
 from bayesgrasp.posterior.ascent import AscentConfig
+from bayesgrasp.prior.cameras import cameras_at
 from bayesgrasp.workflows.evaluate import Evaluation
 from bayesgrasp.workflows.load import DEFAULT_MODEL
 
@@ -33,6 +37,7 @@ def benchmark(
     out: Path | None = None,
     resume: bool = False,
     failures: int = 0,
+    elevation: tuple[float, ...] = (),
 ) -> None:
     """Measure the success rates of the paper's strategies and of two baselines.
 
@@ -57,6 +62,8 @@ def benchmark(
         out: Directory for results: scenes.jsonl, summary.json, table.md, per_object.md and figures.
         resume: Go on with the run in --out, or start it where there is none.
         failures: With --out, picture this many failures of the MAP from one image: failures.png.
+        elevation: Take the images from these degrees above the horizon and from all sides instead of by the canonical
+            camera, one table for each; results are in --out/elevation-DEGREES.
     """
     _check_outputs(json, out, resume, failures)
     evaluation = Evaluation.of(
@@ -69,18 +76,32 @@ def benchmark(
         shift=find_shift(shift, engine),
     )
     print_skipped(evaluation)
-    with benchmarking(attempts, shift) as progress:
-        results = evaluation.run(attempts, workers, out, resume=resume, progress=progress)
-    summary = evaluation.summary(results)
-    print(markdown(summary, objects.split), end="")
+    summaries = {}
+    for view, each in _views(evaluation, elevation).items():
+        place = out / view if out is not None and view else out
+        with benchmarking(attempts, view or shift) as progress:
+            results = each.run(attempts, workers, place, resume=resume, progress=progress)
+        summaries[view] = each.summary(results)
+        print(markdown(summaries[view], f"{objects.split}, {view}" if view else objects.split), end="")
+        if place is not None:
+            _write(each, results, place, failures)
     if json is not None:
-        write_json(json, summary)
-    if out is not None:
-        evaluation.write(results, out)
-        print(f"wrote {out}")
-        picture = out / "failures.png"
-        if pictured := evaluation.draw_failures(results, failures, picture):
-            print(f"wrote {picture}: {', '.join(pictured)}")
+        write_json(json, summaries if elevation else summaries[""])
+
+
+def _views(evaluation: Evaluation, elevation: tuple[float, ...]) -> dict[str, Evaluation]:
+    """The benchmark from each elevation, by name; as it is where none is given."""
+    if not elevation:
+        return {"": evaluation}
+    return {f"elevation-{one:g}": evaluation.seen_from(cameras_at(math.radians(one))) for one in elevation}
+
+
+def _write(evaluation: Evaluation, results: Sequence[SceneResult], out: Path, failures: int) -> None:
+    evaluation.write(results, out)
+    print(f"wrote {out}")
+    picture = out / "failures.png"
+    if pictured := evaluation.draw_failures(results, failures, picture):
+        print(f"wrote {picture}: {', '.join(pictured)}")
 
 
 def search_config(starts: int, steps: int) -> SearchConfig:

@@ -15,6 +15,7 @@ from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pairing import PairingConfig
 from bayesgrasp.generation.pool import Executor, LocalPool
 from bayesgrasp.generation.proposal import AdaptiveConfig
+from bayesgrasp.prior.cameras import CameraLaw, camera_law
 from bayesgrasp.workflows.generate import GenerateJob
 from bayesgrasp.workflows.generate import generate as run
 
@@ -29,6 +30,7 @@ def generate(
     resume: bool = False,
     repair: bool = False,
     objects: Objects = ObjectSet(),  # noqa: B008 - frozen
+    cameras: CameraLaw = "canonical",
     proposal: Literal["prior", "adaptive"] = "prior",
     prior_share: float = 0.5,
     attempts_per_draw: int = 256,
@@ -52,6 +54,8 @@ def generate(
         resume: Go on with the data set in --out, or start it where there is none.
         repair: With --resume, make damaged chunks again instead of refusing to go on.
         objects: Which objects.
+        cameras: Where images are taken from: by the canonical camera, or by any, 10 to 90 degrees above the horizon,
+            0.4 to 1.5 m away, of either make of sensor.
         proposal: Where hands are tried: prior, or adaptive (also near earlier successes, with exact weights).
         prior_share: With adaptive, the share of hands from the prior; weights are at most its inverse.
         attempts_per_draw: Attempts for each drawn mesh and scale.
@@ -66,6 +70,7 @@ def generate(
         draws_per_chunk=draws_per_chunk,
         adaptive=AdaptiveConfig(prior_share=prior_share),
         pairing=PairingConfig(hands=hands),
+        camera=camera_law(cameras),
     )
     chosen = _executor(executor, workers, ray_address)
     job = GenerateJob(objects.load(), attempts, config, seed)

@@ -9,6 +9,7 @@ from bayesgrasp.cli.generate import print_data
 from bayesgrasp.cli.progress import generating
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.stretch import StretchConfig
+from bayesgrasp.prior.cameras import CameraLaw
 from bayesgrasp.workflows.practise import PracticeJob, Practised, practise
 
 
@@ -25,6 +26,7 @@ def practice(
     copies: int = 0,
     stretch: float = 1.3,
     estimator: Practised = "success",
+    cameras: CameraLaw | None = None,
 ) -> None:
     """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
 
@@ -46,9 +48,10 @@ def practice(
         stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
         estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
             success_ratio (it knows nothing).
+        cameras: Where images are taken from, canonical or any; by default as in the data that the model was trained on.
     """
     objects = load_objects(split, ycb_dir)
-    job = PracticeJob(model, objects, scenes, tries, estimator, StretchConfig(copies, stretch), seed)
+    job = PracticeJob(model, objects, scenes, tries, estimator, StretchConfig(copies, stretch), cameras, seed)
     with generating(job.attempts) as progress:
         manifest = practise(job, out, workers, resume=resume, progress=progress)
     print_data(manifest, out)

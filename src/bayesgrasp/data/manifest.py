@@ -65,6 +65,11 @@ class Manifest:
         return given
 
     @property
+    def cameras(self) -> Literal["canonical", "any"]:
+        """Where the images were taken from (`prior.cameras`)."""
+        return "any" if "elevation" in self.config.get("generate", {}).get("camera", {}) else "canonical"
+
+    @property
     def identity(self) -> dict[str, Any]:
         """Everything that the content of a chunk depends on."""
         return {

@@ -42,7 +42,9 @@ def draw_sheet(dataset: GraspDataset, columns: int = 4, rows: int = 4, most: int
 
 
 def camera_of(dataset: GraspDataset, row: int) -> Camera:
-    """The camera that took the image of a scene, as its nuisances made it."""
+    """The camera that a scene is seen by: as its nuisances made it, or the one that its image was drawn again from."""
+    if dataset.manifest.cameras == "any":
+        return canonical_camera()
     names = CameraNuisances.__dataclass_fields__
     nuisances = {name: dataset.scene_columns[f"camera_{name}"][row : row + 1] for name in names}
     return disturbed_camera(canonical_camera(), CameraNuisances(**nuisances), 0)

@@ -8,6 +8,7 @@ generator.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
@@ -62,6 +63,12 @@ class DepthSensor:
         self._device = device_of(self.config)
         self.camera.pose  # noqa: B018  refuses a camera without a pose here, not at the first image
 
+    def of_make(self, config: SensorConfig) -> DepthSensor:
+        """The same objects and nominal camera with another make of sensor; the trees of the meshes are shared."""
+        other = copy.copy(self)
+        other.config, other._device = config, device_of(config)
+        return other
+
     def render_clean(
         self, scenes: Scenes, cameras: CameraNuisances | None = None
     ) -> Float32[np.ndarray, "n {self.camera.height} {self.camera.width}"]:
@@ -85,8 +92,14 @@ class DepthSensor:
         self, scenes: Scenes, cameras: CameraNuisances | None, rng: np.random.Generator
     ) -> Float32[np.ndarray, "n {self.camera.height} {self.camera.width}"]:
         """Depth images as the device returns them, metres, 0 = no return; arguments as in `render_clean`."""
+        return self.thinned(scenes, cameras, rng, 1)
+
+    def thinned(
+        self, scenes: Scenes, cameras: CameraNuisances | None, rng: np.random.Generator, step: int
+    ) -> Float32[np.ndarray, "n h w"]:
+        """Every `step`-th pixel of `render`'s images, each way, from the `step // 2`-th on; no other is evaluated."""
         views = self._views(scenes, cameras)
-        rows, columns = np.arange(self.camera.height), np.arange(self.camera.width)
+        rows, columns = (np.arange(step // 2, size, step) for size in (self.camera.height, self.camera.width))
         images = np.empty((len(scenes), len(rows), len(columns)), np.float32)
         for i, image in enumerate(images):
             limits = Limits(views.near[i], views.far[i], self.camera.width)

@@ -27,6 +27,7 @@ from bayesgrasp.evaluation.strategies import (
     Choose,
     SearchConfig,
     Strategy,
+    from_the_image,
     missing,
     model_strategies,
     planned,
@@ -188,7 +189,7 @@ class _Worker:
     def _strategies(self, contestants: Contestants) -> dict[str, Strategy]:
         planner = contestants.planner
         baselines: dict[str, Choose] = {
-            "top_down": top_down(planner.observer.reader, planner.robot),
+            "top_down": from_the_image(top_down(planner.observer.reader, planner.robot)),
             "force_closure": ForceClosure(planner.prior, self.lift_test).choose,
         }
         silent = model_strategies(contestants.model, planner.prior, self.benchmark.search) | baselines

@@ -12,18 +12,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float32
+import torch
+from jaxtyping import Float32, Float64
 
+from bayesgrasp.depth.any_camera import stated_camera
 from bayesgrasp.depth.sensor import DepthSensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.shifts import NONE, Shift
+from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.observation.canonical_view import CanonicalView
 from bayesgrasp.observation.preprocess import preprocess
+from bayesgrasp.observation.user_camera import aligned_workspace
+from bayesgrasp.planning.observing import ObserverConfig
+from bayesgrasp.prior.cameras import AnyCamera
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import Stream, generator
-from bayesgrasp.types import Attempts, Hands, Nuisances, Scenes
+from bayesgrasp.types import Attempts, Hands, Nuisances, Scenes, StatedCameras
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class ScenePriors:
 
     scene: ScenePrior = field(default_factory=lambda: ScenePrior(1))
     nuisance: NuisancePrior = field(default_factory=NuisancePrior)
-    camera: CameraPrior = field(default_factory=CameraPrior)
+    camera: CameraPrior | AnyCamera = field(default_factory=CameraPrior)
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,8 @@ class Situation:
         scene: Object, scale and pose, one row.
         nuisances: Frictions and mass, one row.
         depth: What the camera returned, metres, 0 = no return.
-        image: The same as the network's image.
+        image: The same as the network's image, in the workspace frame.
+        camera: That took it, as its user states it.
     """
 
     number: int
@@ -54,12 +62,23 @@ class Situation:
     nuisances: Nuisances
     depth: Float32[np.ndarray, "480 640"]
     image: Float32[np.ndarray, "160 256"]
+    camera: Camera = field(default_factory=canonical_camera)
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the object, metres and radians."""
         x, y, yaw = (float(value) for value in self.scene.object_pose[0])
         return x, y, yaw
+
+    @property
+    def workspace_to_world(self) -> Float64[np.ndarray, "4 4"]:
+        """The frame of the network's image: the world, turned where the camera stands on another side."""
+        return aligned_workspace(self.camera.pose, ObserverConfig.alignment)
+
+    def in_world(self, hands: Hands) -> Hands:
+        """Hands of the workspace frame in the world frame."""
+        turn = torch.from_numpy(self.workspace_to_world[:3, :3]).to(hands.position.dtype)
+        return Hands(hands.position @ turn.mT, turn @ hands.rotation, hands.grasp_type)
 
     def attempts(self, hands: Hands) -> Attempts:
         """Lift tests of hands of batch shape (n,) in this scene."""
@@ -88,6 +107,7 @@ class SceneMaker:
         self.objects, self.seed, self.priors = tuple(objects), seed, priors or ScenePriors()
         self.shift = shift
         self.sensor = DepthSensor(self.objects, config=shift.sensor_config)
+        self.view = CanonicalView()
 
     def make(self, number: int) -> Situation:
         """Scene i."""
@@ -97,5 +117,11 @@ class SceneMaker:
         scene = self.shift.scenes(replace(drawn, object_index=np.array([index], dtype=np.int32)))
         nuisances = self.shift.nuisances(self.priors.nuisance.sample(1, rng), self.priors.nuisance)
         cameras = self.priors.camera.sample(1, rng)
-        depth = self.sensor.render(scene, cameras, rng)[0]
-        return Situation(number, self.objects[index], scene, nuisances, depth, preprocess(depth))
+        depth = self.sensor.render(scene, cameras.actual, rng)[0]
+        taken = number, self.objects[index], scene, nuisances, depth
+        if not isinstance(cameras, StatedCameras):
+            return Situation(*taken, preprocess(depth))
+        camera = stated_camera(cameras, 0)
+        workspace = aligned_workspace(camera.pose, ObserverConfig.alignment)
+        seen_from = camera.with_pose(np.linalg.inv(workspace) @ camera.pose)
+        return Situation(*taken, self.view.of(depth, seen_from), camera)

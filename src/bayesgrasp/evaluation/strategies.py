@@ -27,7 +27,6 @@ import torch
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.scenes import Situation
 from bayesgrasp.evaluation.shifts import Shift
-from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.planning.plan import Plan
 from bayesgrasp.planning.planner import Planner
 from bayesgrasp.posterior.ascent import AscentConfig, find_map
@@ -125,14 +124,24 @@ def model_strategies(model: GraspModel, prior: Prior, search: SearchConfig) -> d
     for kind, ratio in ratios.items():
         chosen[f"mle_{kind}"] = _optimum(likelihood_potential, ratio, prior, search)
         chosen[f"map_{kind}"] = _optimum(posterior_potential, ratio, prior, search)
-    return chosen
+    return chosen | {name: from_the_image(chosen[name]) for name in IMAGE}
+
+
+def from_the_image(choose: Choose) -> Choose:
+    """A strategy that chooses in the frame of the network's image, with its hand brought into the world frame."""
+
+    def turned(situation: Situation, rng: np.random.Generator) -> Hands | None:
+        hands = choose(situation, rng)
+        return None if hands is None else situation.in_world(hands)
+
+    return turned
 
 
 def planned(planner: Planner) -> Strategy:
     """The deployed planner's first grasp, with its promise; None where it declines to grasp."""
 
     def choose(situation: Situation, rng: np.random.Generator) -> Choice | None:
-        plan = planner.plan(situation.depth, canonical_camera(), top=1, seed=rng)
+        plan = planner.plan(situation.depth, situation.camera, top=1, seed=rng)
         hands = first_grasp(plan)
         if hands is None:
             return None

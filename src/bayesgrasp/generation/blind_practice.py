@@ -80,7 +80,7 @@ class BlindMaker:
         return Chunk(records, self._no_pictures(rng), HandRecords.none(self.config.pairing.hands))
 
     def _no_pictures(self, rng: np.random.Generator) -> SceneRecords:
-        cameras = self.config.camera.sample(0, rng).columns()
+        cameras = self.config.camera.sample(0, rng).actual.columns()
         columns = {f"camera_{name}": column for name, column in cameras.items()}
         image = to_units(np.zeros((0, *IMAGE_SHAPE), np.float32))
         return SceneRecords(**self.scene.sample(0, rng).columns(), draw=np.zeros(0, np.int64), **columns, image=image)

@@ -23,8 +23,9 @@ from jaxtyping import Float32, UInt8
 from bayesgrasp.data.images import to_units
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
+from bayesgrasp.depth.any_camera import AnySensor
 from bayesgrasp.depth.kinect import KinectConfig
-from bayesgrasp.depth.sensor import DepthSensor
+from bayesgrasp.depth.stereo import StereoConfig
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.pairing import DrawPairing, PairingConfig
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
@@ -33,6 +34,7 @@ from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.prior.cameras import AnyCamera
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.prior.nuisance import CameraPrior, NuisancePrior
 from bayesgrasp.prior.planar_symmetry import PlanarRefresh, Reachable
@@ -69,19 +71,20 @@ class SimulatedWorld:
     Attributes:
         objects: The ordered object set.
         lift_test: See `LiftTestConfig`.
-        sensor: See `KinectConfig`.
+        sensor, stereo: Constants of the cameras; only cameras anywhere (`prior.cameras`) are stereo ones.
         gripper: The hand.
     """
 
     objects: tuple[ObjectAsset, ...]
     lift_test: LiftTestConfig = field(default_factory=LiftTestConfig)
     sensor: KinectConfig = field(default_factory=KinectConfig)
+    stereo: StereoConfig = field(default_factory=StereoConfig)
     gripper: GripperDescription = field(default_factory=robotiq_3f)
 
     def build(self) -> World:
         """Build them; a worker does this once."""
         test = LiftTest(self.objects, self.lift_test, gripper=self.gripper)
-        sensor = DepthSensor(self.objects, config=self.sensor)
+        sensor = AnySensor(self.objects, self.sensor, self.stereo)
         return World(test.run, sensor.images, partial(reached, test.arm, self.lift_test.motion))
 
 
@@ -111,7 +114,7 @@ class GenerateConfig:
     pairing: PairingConfig = field(default_factory=PairingConfig)
     grasp: GraspPrior = field(default_factory=GraspPrior)
     nuisance: NuisancePrior = field(default_factory=NuisancePrior)
-    camera: CameraPrior = field(default_factory=CameraPrior)
+    camera: CameraPrior | AnyCamera = field(default_factory=CameraPrior)
 
     def __post_init__(self) -> None:
         if self.proposal not in ("prior", "adaptive"):
@@ -192,7 +195,7 @@ class ChunkMaker:
             scenes.append(Scenes(members.object_index[first], members.scale[first], poses))
             pairing = DrawPairing(members, self.refresh, self.config.pairing)
             hands += [pairing.choose(pose.astype(np.float64), rng) for pose in poses]
-        where, camera = Scenes.cat(scenes), CameraNuisances.cat(cameras)
+        where, camera = Scenes.cat(scenes), type(cameras[0]).cat(cameras)
         draws = np.repeat(np.unique(attempts.draw), self.config.scenes_per_draw)
         return self._records(where, camera, draws, chunk), HandRecords.cat(
             [HandRecords.none(self.config.pairing.hands), *hands]
@@ -203,5 +206,5 @@ class ChunkMaker:
         image = np.zeros((0, *IMAGE_SHAPE), np.float32)
         if len(scenes):
             image = self.world.render(scenes, camera, rng)
-        columns = {f"camera_{name}": column for name, column in camera.columns().items()}
+        columns = {f"camera_{name}": column for name, column in camera.actual.columns().items()}
         return SceneRecords(**scenes.columns(), draw=draws, **columns, image=to_units(image))

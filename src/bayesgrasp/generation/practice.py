@@ -118,7 +118,7 @@ class PracticeMaker:
             log_weight=np.full(len(attempts), -np.inf, np.float32),
             object_log_weight=np.zeros(len(attempts), np.float32),
         )
-        columns = {f"camera_{name}": column for name, column in cameras.columns().items()}
+        columns = {f"camera_{name}": column for name, column in cameras.actual.columns().items()}
         pictures = SceneRecords(**scenes.columns(), draw=draw, **columns, image=to_units(image))
         return Chunk(records, pictures, _hands(records, count))
 

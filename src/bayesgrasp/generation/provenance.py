@@ -15,6 +15,7 @@ import numpy as np
 from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.prior.cameras import AnyCamera
 from bayesgrasp.prior.scene import ScenePrior
 
 
@@ -26,6 +27,8 @@ def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: Sc
         "lift_test": world.lift_test.settings(),
         "sensor": asdict(world.sensor),
     }
+    if isinstance(config.camera, AnyCamera):
+        settings["stereo"] = asdict(world.stereo)
     return Manifest(
         seed=seed,
         config=json.loads(json.dumps(settings, default=str)),  # as it will be read back: tuples become lists

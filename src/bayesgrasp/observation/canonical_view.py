@@ -25,6 +25,8 @@ MAX_SLOPE = float(np.tan(np.deg2rad(80.0)))
 NOISE_ALLOWANCE = 0.005
 """Neighbouring pixels are one surface if their depths differ by no more than a slope of `MAX_SLOPE` explains, plus this
 (metres): three deviations of the axial noise of a Kinect v1 at 1 m."""
+ROUNDED_UP = 0.25
+"""Pixels are thinned to no less than 7/8 of the resolution that the network's image has at the workspace."""
 BEHIND = 0.01
 """Hidden space hides what is further away by more than this, metres; noise turns parts of a steep surface around."""
 
@@ -34,6 +36,7 @@ class CanonicalView:
 
     def __init__(self) -> None:
         self._known, self._target = canonical_camera(), network_camera()
+        self.shape = (self._target.height, self._target.width)
 
     def of(self, depth: Float32[np.ndarray, "h w"], camera: Camera) -> Float32[np.ndarray, "height width"]:
         """The network's image, metres, 0 = no return.
@@ -48,9 +51,22 @@ class CanonicalView:
         """
         if camera.matches(self._known):
             return preprocess(depth)
-        # The network's image is coarser than most cameras': pixels that it cannot show are not drawn.
-        step = max(1, int(camera.fx / self._target.fx))
-        return in_range(to_canonical_view(*_thinned(depth, camera, step), self._target, complete_table=True))
+        step = self.step(camera)
+        _check_image(depth, camera)
+        return self.of_thinned(depth[step // 2 :: step, step // 2 :: step], camera, step)
+
+    def step(self, camera: Camera) -> int:
+        """Every so many pixels of a camera, each way, are drawn: it may resolve the workspace finer than the network."""
+        middle = np.array([0.0, 0.0, 0.05])
+        finer = [one.fx / np.linalg.norm(one.pose[:3, 3] - middle) for one in (camera, self._target)]
+        return max(1, int(finer[0] / finer[1] + ROUNDED_UP))
+
+    def of_thinned(
+        self, depth: Float32[np.ndarray, "rows columns"], camera: Camera, step: int
+    ) -> Float32[np.ndarray, "height width"]:
+        """The network's image from every `step`-th pixel of an image of `camera`, from the `step // 2`-th on."""
+        small = _thinned(camera, depth.shape, step)
+        return in_range(to_canonical_view(depth, small, self._target, complete_table=True))
 
 
 def to_canonical_view(
@@ -80,15 +96,12 @@ def to_canonical_view(
     return (_with_table(image, camera, target) if complete_table else image).astype(np.float32)
 
 
-def _thinned(
-    depth: Float32[np.ndarray, "h w"], camera: Camera, step: int
-) -> tuple[Float32[np.ndarray, "rows columns"], Camera]:
-    """Every `step`-th pixel, each way, and the camera that sees just these."""
+def _thinned(camera: Camera, shape: tuple[int, ...], step: int) -> Camera:
+    """The camera that sees just every `step`-th pixel, each way; there are `shape` of them."""
     first = step // 2
-    small = depth[first::step, first::step]
     changes = {name: getattr(camera, name) / step for name in ("fx", "fy")}
     changes |= {name: (getattr(camera, name) - first) / step for name in ("cx", "cy")}
-    return small, replace(camera, width=small.shape[1], height=small.shape[0], **changes)
+    return replace(camera, width=shape[1], height=shape[0], **changes)
 
 
 def _check_image(depth: Float[np.ndarray, "h w"], camera: Camera) -> None:

@@ -201,9 +201,11 @@ class SurfaceReader:
         with np.errstate(invalid="ignore"):
             above = (height > config.table_thickness) & (height < config.ceiling)
         above &= in_square(points, config.reach)
-        labels, count = ndimage.label(above)
-        large = np.bincount(labels[above], minlength=count + 1) >= config.min_pixels
-        return np.where(large[labels], labels, 0)
+        pieces = _large_pieces(above, above, config.min_pixels)
+        if pieces.any():
+            return pieces
+        # From above, the rim of a tumbler is a ring of fragments, each too small to be more than noise.
+        return _large_pieces(above, ndimage.binary_dilation(above, np.ones((3, 3), bool)), config.min_pixels)
 
     def _item(self, points: Float32[np.ndarray, "h w 3"], pieces: Int[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """The piece whose middle is nearest to the workspace centre."""
@@ -215,3 +217,12 @@ class SurfaceReader:
         x, y = (np.bincount(members, points[..., axis][pieces > 0])[numbers] / sizes[numbers] for axis in (0, 1))
         chosen: Bool[np.ndarray, "h w"] = pieces == numbers[np.argmin(np.hypot(x, y))]
         return chosen
+
+
+def _large_pieces(
+    above: Bool[np.ndarray, "h w"], joined: Bool[np.ndarray, "h w"], least: int
+) -> Int[np.ndarray, "h w"]:
+    """Pixels numbered by the pieces of another mask that they are in, where these hold enough of them; else 0."""
+    labels, count = ndimage.label(joined)
+    large = np.bincount(labels[above], minlength=count + 1) >= least
+    return np.where(large[labels] & above, labels, 0)

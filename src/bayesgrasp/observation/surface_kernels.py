@@ -2,6 +2,7 @@
 
 Neighbouring pixels whose depths belong together span triangles; the triangles are drawn with a depth buffer. Unlike
 points, triangles leave no gaps where the new view is closer, and unlike blurred points they never join two surfaces.
+What is a pixel thin, as the rim of a cup from above, spans no triangle; its pixels are drawn as points.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ def draw_surface(depth, returned, places, allowance, front, back):
         back: Buffer of the surface seen from behind, and of the curtains from its edges to the background.
     """
     (u, v, key), (slope, offset) = places, allowance
+    covered = np.zeros(depth.shape, np.bool_)
     for row in range(depth.shape[0] - 1):
         for column in range(depth.shape[1] - 1):
             # Both triangles of a square of pixels share the corners 1 (to the right) and 2 (below).
@@ -73,7 +75,37 @@ def draw_surface(depth, returned, places, allowance, front, back):
                 # The second triangle is listed the other way round.
                 turn = (right[0] - corner[0]) * (below[1] - corner[1]) - (below[0] - corner[0]) * (right[1] - corner[1])
                 nearest = min(z0, z1, z2)
-                if max(z0, z1, z2) - nearest > slope * nearest + offset or (turn > 0) != (step == 0):
+                torn = max(z0, z1, z2) - nearest > slope * nearest + offset
+                if measured and returned[i, j] and not torn:
+                    covered[i, j] = covered[row, column + 1] = covered[row + 1, column] = True
+                if torn or (turn > 0) != (step == 0):
                     draw_triangle(corner, right, below, back)
                 elif measured and returned[i, j]:
                     draw_triangle(corner, right, below, front)
+    draw_thin(depth, returned & ~covered, places, allowance, front)
+
+
+@no_type_check
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_thin(depth, alone, places, allowance, front):
+    """Draw pixels that belong to no triangle as points, where a neighbour of the same surface says they are no noise.
+
+    Args:
+        depth: See `draw_surface`.
+        alone: The pixels.
+        places: See `draw_surface`.
+        allowance: See `draw_surface`.
+        front: See `draw_surface`.
+    """
+    (u, v, key), (slope, offset) = places, allowance
+    for row in range(1, depth.shape[0] - 1):
+        for column in range(1, depth.shape[1] - 1):
+            if not alone[row, column] or np.isnan(u[row, column]):
+                continue
+            z, company = depth[row, column], 0
+            for i in range(row - 1, row + 2):
+                for j in range(column - 1, column + 2):
+                    company += alone[i, j] and abs(depth[i, j] - z) <= slope * z + offset
+            at, beside = int(np.rint(v[row, column])), int(np.rint(u[row, column]))
+            if company > 1 and 0 <= at < front.shape[0] and 0 <= beside < front.shape[1]:
+                front[at, beside] = max(front[at, beside], key[row, column])

@@ -208,6 +208,7 @@ ENTRIES: dict[str, tuple[Callable[[Any], bool], str]] = {
     "success_rate": (_is_rate_or_none, "a rate between 0 and 1, or null"),
     "objects": (_are_distinct_words, "a list of distinct names"),
     "preset": (_is_word, "a name"),
+    "cameras": (lambda value: value in ("canonical", "any"), "canonical or any"),
     "familiarity": (_is_familiarity, "image statistics, or null"),
     "delivery": (_is_delivery, "promises and outcomes of plans on fresh objects"),
     POWER: (_are_powers, f"a number in (0, {STRONGEST:g}] by role"),

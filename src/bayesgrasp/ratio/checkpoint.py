@@ -47,6 +47,7 @@ class Origin:
         commit: Of the code that trained it; None if unknown.
         success_rate: p(S=1) under the prior, in the training data; None if unknown.
         objects: Names of the training meshes, in the order of their index.
+        cameras: Where the training images were taken from, canonical or any.
     """
 
     gripper: str
@@ -56,10 +57,11 @@ class Origin:
     commit: str | None = None
     success_rate: float | None = None
     objects: tuple[str, ...] = ()
+    cameras: str = "canonical"
 
     def to_dict(self) -> dict[str, Any]:
         """As the content of a card."""
-        content = {name: getattr(self, name) for name in ("gripper", "data", "commit", "success_rate")}
+        content = {name: getattr(self, name) for name in ("gripper", "data", "commit", "success_rate", "cameras")}
         return content | {"camera": self.camera.to_dict(), "prior": dict(self.prior), "objects": list(self.objects)}
 
 

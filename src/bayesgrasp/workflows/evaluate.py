@@ -19,6 +19,7 @@ from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
 from bayesgrasp.files import write_json, write_text, write_through
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.prior.cameras import AnyCamera
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.types import Attempts, Outcome
 from bayesgrasp.viewer.film import save_film
@@ -96,6 +97,11 @@ class Evaluation:
     def under(self, shift: Shift) -> Evaluation:
         """The same in a world that departs from the model's."""
         return replace(self, benchmark=replace(self.benchmark, shift=shift))
+
+    def seen_from(self, cameras: AnyCamera) -> Evaluation:
+        """The same with images from other cameras."""
+        priors = replace(self.benchmark.priors, camera=cameras)
+        return replace(self, benchmark=replace(self.benchmark, priors=priors))
 
     def run(
         self,

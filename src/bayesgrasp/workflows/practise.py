@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.objects.stretch import StretchConfig, with_copies
 from bayesgrasp.posterior.potential import LogDensity, Prior
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
-from bayesgrasp.prior.grasp import GraspPrior
+from bayesgrasp.prior.cameras import CameraLaw, camera_law
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.model import GraspModel
@@ -50,6 +50,7 @@ class PracticeJob:
         estimator: Which one proposes: success (it sees the image), full (it knows object, pose and friction) or
             success_ratio (it knows nothing).
         stretch: Copies of each object that are practised on beside it, for more shapes than there are scans.
+        cameras: Where images are taken from; as in the data that the model was trained on if None.
         seed: Of all random numbers.
 
     Raises:
@@ -62,6 +63,7 @@ class PracticeJob:
     tries: int = 12
     estimator: Practised = "success"
     stretch: StretchConfig = field(default_factory=StretchConfig)
+    cameras: CameraLaw | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -85,8 +87,8 @@ class PracticeJob:
         """Hands tried in a scene; without an image every hand has a scene of its own."""
         return 1 if self.given == "nothing" else self.tries
 
-    def sizes(self, grasp: GraspPrior) -> GenerateConfig:
-        """What a chunk holds."""
+    def sizes(self, card: Mapping[str, Any]) -> GenerateConfig:
+        """What a chunk holds, given the card of the model."""
         images = int(self.given != "nothing")
         return GenerateConfig(
             proposal="prior",
@@ -94,7 +96,8 @@ class PracticeJob:
             scenes_per_draw=images,
             draws_per_chunk=32 if images else BLIND_CHUNK,
             pairing=PairingConfig(hands=self.tries),
-            grasp=grasp,
+            grasp=trained_prior(card),
+            camera=camera_law(self.cameras or card.get("cameras", "canonical")),
         )
 
 
@@ -125,7 +128,7 @@ def practise(
     """
     objects = with_copies(job.objects, job.stretch, generator(job.seed, Stream.COPIES))
     world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
-    config = job.sizes(trained_prior(read_card(job.model)))
+    config = job.sizes(read_card(job.model))
     manifest = describe(world, config, job.seed, scene, job.attempts)
     if job.given == "object":
         _check_objects(job.model, tuple(asset.id for asset in objects))

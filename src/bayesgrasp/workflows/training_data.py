@@ -132,6 +132,7 @@ def origin_of(dataset: GraspDataset) -> Origin:
         commit=source_commit() or None,
         success_rate=_success_rate(dataset),
         objects=dataset.object_ids,
+        cameras=dataset.manifest.cameras,
     )
 
 
