@@ -52,7 +52,7 @@ def hammer(draw: Draw) -> Pieces:
 def screwdriver(draw: Draw) -> Pieces:
     """A thick grip and a thin shaft."""
     grip, shaft = draw.size(0.05, 0.11), draw.size(0.04, 0.12)
-    r, thin = draw.size(0.009, 0.018), draw.size(0.003, 0.005)
+    r, thin = draw.size(0.01, 0.018), draw.size(0.003, 0.005)
     sides = 6 if draw.chance(0.5) else 8
     tip = moved([block(0.012, 3.2 * thin, 1.2 * thin)], x=grip + shaft, z=-0.6 * thin)
     return [
@@ -65,7 +65,7 @@ def screwdriver(draw: Draw) -> Pieces:
 
 def wrench(draw: Draw) -> Pieces:
     """A flat bar with a jaw at one end and a ring or a jaw at the other."""
-    length, width, t = draw.size(0.09, 0.22), draw.size(0.012, 0.022), draw.size(0.005, 0.011)
+    length, width, t = draw.size(0.09, 0.22), draw.size(0.014, 0.026), draw.size(0.008, 0.015)
     shank = moved([block(length, width, t)], x=length / 2)
     jaw = _jaw(width * draw.size(0.8, 1.2), t * draw.size(1.0, 1.4))
     pieces = shank + moved(jaw, x=length)
@@ -84,7 +84,7 @@ def _jaw(reach: float, t: float) -> Pieces:
 
 def pliers(draw: Draw) -> Pieces:
     """Two crossed levers: pliers, tongs, scissors."""
-    length, t = draw.size(0.1, 0.19), draw.size(0.007, 0.013)
+    length, t = draw.size(0.1, 0.19), draw.size(0.01, 0.017)
     spread, width = draw.size(8.0, 20.0), draw.size(0.008, 0.015)
     lever = moved([rounded(0.65 * length, width, t, 0.004)], x=-0.32 * length)
     jaw = prism(np.array([[0, -width], [0, width / 2], [0.35 * length, -0.1 * width], [0.35 * length, 0.3 * width]]), t)
@@ -95,7 +95,7 @@ def pliers(draw: Draw) -> Pieces:
 
 def spoon(draw: Draw) -> Pieces:
     """A spoon, a spatula, a fork or a brush: a thin handle and a wide end."""
-    length, t, width = draw.size(0.09, 0.19), draw.size(0.004, 0.009), draw.size(0.006, 0.014)
+    length, t, width = draw.size(0.09, 0.19), draw.size(0.008, 0.014), draw.size(0.01, 0.018)
     wide, long = width * draw.size(2.0, 4.0), draw.size(0.03, 0.06)
     handle = moved([block(length, width, t)], x=-length / 2)
     if draw.chance(0.35):
@@ -109,7 +109,7 @@ def spoon(draw: Draw) -> Pieces:
 
 def knife(draw: Draw) -> Pieces:
     """A grip and a blade."""
-    grip, blade, t = draw.size(0.06, 0.11), draw.size(0.05, 0.13), draw.size(0.008, 0.018)
+    grip, blade, t = draw.size(0.06, 0.11), draw.size(0.05, 0.13), draw.size(0.012, 0.022)
     width = draw.size(0.015, 0.03)
     edge = np.array([[0, -width / 2], [0, width / 2], [0.75 * blade, width / 2], [blade, 0.3 * width]])
     return [*moved([rounded(grip, 0.9 * width, t, 0.005)], x=-grip / 2), *moved([prism(edge, 0.25 * t)], z=0.3 * t)]
@@ -117,7 +117,7 @@ def knife(draw: Draw) -> Pieces:
 
 def pen(draw: Draw) -> Pieces:
     """A pen, a marker, a pencil, a candle, a lipstick: lying, with a tip."""
-    length, r = draw.size(0.05, 0.17), draw.size(0.004, 0.012)
+    length, r = draw.size(0.05, 0.17), draw.size(0.006, 0.014)
     sides = 6 if draw.chance(0.4) else 8
     tip = min(2.5 * r, 0.2 * length)
     return [_bar(0.0, length, r, r, sides), _bar(length, length + tip, r, 0.25 * r, sides)]
@@ -127,8 +127,8 @@ def stick(draw: Draw) -> Pieces:
     """A bar of any section: a dowel, a battery, a ruler, a bolt."""
     length = draw.size(0.04, 0.22)
     if draw.chance(0.4):
-        return [block(length, draw.size(0.012, 0.035), draw.size(0.005, 0.02))]
-    r = min(draw.size(0.006, 0.025), 0.4 * length)
+        return [block(length, draw.size(0.012, 0.035), draw.size(0.012, 0.028))]
+    r = min(draw.size(0.008, 0.025), 0.4 * length)
     pieces = [_bar(0.0, length, r, r, 12)]
     return [*pieces, _bar(-0.8 * r, 0.0, 1.6 * r, 1.6 * r, 6)] if draw.chance(0.35) else pieces
 
@@ -163,7 +163,7 @@ def drill(draw: Draw) -> Pieces:
 
 def clamp(draw: Draw) -> Pieces:
     """A frame open to one side: a clamp, a hook, a bracket, a horseshoe; it lies flat."""
-    x, y, t = draw.size(0.04, 0.11), draw.size(0.05, 0.13), draw.size(0.008, 0.02)
+    x, y, t = draw.size(0.04, 0.11), draw.size(0.05, 0.13), draw.size(0.012, 0.024)
     bar = draw.size(0.01, 0.022)
     if draw.chance(0.5):
         return rotated(hoop(arch(x / 2, y, 7), square(bar, t)), X, -90.0)
@@ -189,17 +189,17 @@ def spool(draw: Draw) -> Pieces:
 
 def nut(draw: Draw) -> Pieces:
     """A ring with a thick wall: a nut, a washer, a roll of tape, a napkin ring."""
-    r, h = draw.size(0.012, 0.06), draw.size(0.006, 0.05)
+    r, h = draw.size(0.015, 0.06), draw.size(0.012, 0.05)
     sectors = 6 if draw.chance(0.3) else 12
     return wall((r, 0.0), (r * draw.size(0.85, 1.0), h), r * draw.size(0.15, 0.55), sectors)
 
 
 def loop(draw: Draw) -> Pieces:
     """A ring with a round section: a bracelet, a quoit, a toy tyre."""
-    r = draw.size(0.018, 0.075)
+    r = draw.size(0.03, 0.075)
     angle = np.linspace(0, 2 * np.pi, 13)[:-1]
     path = r * np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
-    section = ring(r * draw.size(0.12, 0.35), 0.0, 6)
+    section = ring(r * draw.size(0.16, 0.35), 0.0, 6)
     return rotated(hoop(path, section, closed=True), X, 90.0)
 
 
@@ -216,7 +216,7 @@ def handle(draw: Draw) -> Pieces:
 
 def cross(draw: Draw) -> Pieces:
     """Bars that cross: a tap, a jack, a star, a caltrop."""
-    length, t = draw.size(0.025, 0.13), draw.size(0.008, 0.025)
+    length, t = draw.size(0.035, 0.13), draw.size(0.012, 0.025)
     t = min(t, 0.4 * length)
     bars = [rotated([block(length, t, t)], Z, 180 * k / n)[0] for n in [draw.whole(2, 3)] for k in range(n)]
     if draw.chance(0.5):
@@ -226,6 +226,6 @@ def cross(draw: Draw) -> Pieces:
 
 def pick(draw: Draw) -> Pieces:
     """An elbow: a hex key, a pipe fitting, a corner, a tee."""
-    r, one, two = draw.size(0.004, 0.02), draw.size(0.04, 0.16), draw.size(0.03, 0.09)
+    r, one, two = draw.size(0.007, 0.02), draw.size(0.04, 0.16), draw.size(0.03, 0.09)
     start = one * draw.size(0.3, 1.0) * X if draw.chance(0.4) else np.zeros(3)
     return [rod(-r * X, one * X, r), rod(start - r * Y, start + two * Y, r * draw.size(0.8, 1.2))]

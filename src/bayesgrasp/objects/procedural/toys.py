@@ -30,7 +30,7 @@ def sphere(draw: Draw) -> Pieces:
 
 def fruit(draw: Draw) -> Pieces:
     """An ellipsoid, or two that join: an egg, a lemon, a pear, a soap."""
-    d = draw.size(0.025, 0.095)
+    d = draw.size(0.03, 0.095)
     body = ball(d, d * draw.size(0.75, 1.2), d * draw.size(0.6, 1.3))
     if draw.chance(0.6):
         return [body]
@@ -42,7 +42,7 @@ def stone(draw: Draw) -> Pieces:
     """The hull of random points: a stone, a potato, a piece of bread."""
     corners = draw.rng.normal(size=(draw.whole(9, 24), 3))
     corners /= np.linalg.norm(corners, axis=1, keepdims=True)
-    d = draw.size(0.025, 0.1)
+    d = draw.size(0.035, 0.1)
     return [0.5 * d * corners * (draw.size(0.7, 1.6), draw.size(0.7, 1.2), draw.size(0.5, 1.1))]
 
 
@@ -113,7 +113,7 @@ def duck(draw: Draw) -> Pieces:
 def studs(draw: Draw) -> Pieces:
     """A toy brick with studs, a muffin tin upside down, a plug."""
     nx, ny = draw.whole(1, 4), draw.whole(1, 2)
-    pitch, z = draw.size(0.014, 0.032), draw.size(0.01, 0.04)
+    pitch, z = draw.size(0.018, 0.034), draw.size(0.014, 0.04)
     pieces = [block(nx * pitch, ny * pitch, z)]
     for i in range(nx):
         for j in range(ny):
@@ -152,7 +152,7 @@ def profile(draw: Draw) -> Pieces:
 
 def wedge(draw: Draw) -> Pieces:
     """A ramp, a piece of cheese or cake, a roof, a tent."""
-    x, y, z = draw.size(0.03, 0.16), draw.size(0.02, 0.1), draw.size(0.015, 0.09)
+    x, y, z = draw.size(0.03, 0.16), draw.size(0.02, 0.1), draw.size(0.02, 0.09)
     peak, blunt = draw.rng.uniform(-0.5, 0.5), draw.size(0.02, 0.3)
     outline = np.array([[-0.5, 0], [0.5, 0], [peak, 1], [peak * (1 - blunt), 1]]) * (x, z)
     return moved(rotated([prism(outline, y)], X, 90.0), y=y / 2)
@@ -177,7 +177,7 @@ def mushroom(draw: Draw) -> Pieces:
 
 def device(draw: Draw) -> Pieces:
     """A mouse, a remote control, a camera, a radio: a rounded case with something on it."""
-    x, y, z = draw.size(0.05, 0.16), draw.size(0.035, 0.075), draw.size(0.012, 0.04)
+    x, y, z = draw.size(0.05, 0.16), draw.size(0.035, 0.075), draw.size(0.016, 0.045)
     case = [rounded(x, y, z, 0.25 * y)]
     if draw.chance(0.4):
         lens = turned([(0.33 * y, 0.0), (0.3 * y, draw.size(0.01, 0.03))])

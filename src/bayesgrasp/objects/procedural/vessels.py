@@ -31,14 +31,14 @@ def carton(draw: Draw) -> Pieces:
 
 def cube(draw: Draw) -> Pieces:
     """A small block: a die, a toy brick."""
-    edge = draw.size(0.015, 0.06)
+    edge = draw.size(0.02, 0.06)
     x, y, z = (edge * draw.size(0.7, 1.4) for _ in range(3))
     return [block(x, y, z)]
 
 
 def flat_box(draw: Draw) -> Pieces:
     """A book, a telephone, a case, a bar of chocolate."""
-    x, y, z = draw.size(0.04, 0.15), draw.size(0.08, 0.22), draw.size(0.005, 0.04)
+    x, y, z = draw.size(0.04, 0.15), draw.size(0.08, 0.22), draw.size(0.01, 0.045)
     if draw.chance(0.4):
         return [block(x, y, z)]
     return [rounded(x, y, z, draw.size(0.004, 0.03))]
@@ -112,7 +112,7 @@ def bowl(draw: Draw) -> Pieces:
 
 def plate(draw: Draw) -> Pieces:
     """A floor and a rim that rises a little."""
-    rim, h = draw.size(0.05, 0.115), draw.size(0.008, 0.028)
+    rim, h = draw.size(0.05, 0.115), draw.size(0.014, 0.03)
     floor, thickness = rim * draw.size(0.55, 0.75), draw.size(0.003, 0.006)
     return turned([(floor, 0.0), (floor, thickness)]) + wall((floor, 0.0), (rim, h), thickness)
 
@@ -128,7 +128,7 @@ def goblet(draw: Draw) -> Pieces:
 
 def tray(draw: Draw) -> Pieces:
     """An open box: a drawer, a soap dish, a crate."""
-    x, y, h, t = draw.size(0.05, 0.13), draw.size(0.07, 0.22), draw.size(0.015, 0.09), draw.size(0.003, 0.007)
+    x, y, h, t = draw.size(0.05, 0.13), draw.size(0.07, 0.22), draw.size(0.02, 0.09), draw.size(0.003, 0.007)
     sides = [moved([block(x, t, h)], y=s * (y - t) / 2)[0] for s in (-1, 1)]
     ends = [moved([block(t, y, h)], x=s * (x - t) / 2)[0] for s in (-1, 1)]
     return [block(x, y, t), *sides, *ends]
