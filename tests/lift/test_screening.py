@@ -7,8 +7,8 @@ import pytest
 
 from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
-from bayesgrasp.lift.hand_kinematics import CLEARANCE, Halfspaces, HandKinematics, shape_points
-from bayesgrasp.lift.screening import HandAlone, below_table, certainly_apart
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, HandKinematics, shape_points
+from bayesgrasp.lift.screening import HandAlone, below_table
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.robot.motion import hand_pose
 from bayesgrasp.robot.physics_scene import ObjectState, planar_pose
@@ -65,13 +65,6 @@ def test_what_can_be_touched_contains_the_hand_at_every_moment(
                     moved = points - [drawback, 0.0, 0.0]
                     covered = [(r.normals @ moved.T).max(axis=1) + radius <= r.offsets + 1e-9 for r in regions]
                     assert any(inside.all() for inside in covered)
-
-
-def test_certainly_apart_needs_a_separating_face() -> None:
-    cube = Halfspaces(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.1))
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.05
-    far, near, inside = corners + np.array([0.2, 0, 0]), corners + np.array([0.149, 0, 0]), corners
-    np.testing.assert_array_equal(certainly_apart(np.stack([far, near, inside]), [cube]), [True, False, False])
 
 
 def test_samples_of_the_closing_motion_are_close_enough(kinematics: HandKinematics) -> None:

@@ -7,6 +7,7 @@ hand and object in their places anew, so none depends on what was asked before.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -14,12 +15,13 @@ from jaxtyping import Float64, Int
 from scipy.spatial import ConvexHull
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.separation import Body, Regions
 from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.bullet.bullet_engine import BulletEngine
 from bayesgrasp.lift.bullet.client import connect
 from bayesgrasp.lift.engine import MujocoEngine
-from bayesgrasp.lift.execution import Asked, FreePart
-from bayesgrasp.lift.free_closing import FreeClosing, Window
+from bayesgrasp.lift.execution import Asked
+from bayesgrasp.lift.free_closing import FreeClosing, FreePart, Window
 from bayesgrasp.lift.hand_kinematics import CLEARANCE, HandKinematics
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.rig import MakeEngine, Rig
@@ -28,6 +30,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.robot.arm import ArmDescription
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.motion import Motion, hand_poses, plan_motion
+from bayesgrasp.robot.physics_scene import ObjectState
 from bayesgrasp.types import Attempts, GraspType
 
 MOST_COMPILED = 256
@@ -59,7 +62,7 @@ class Bench:
         self.hand = HandAlone(gripper, asset, closing)
         self.rig = Rig(arm, gripper, asset, config.physics, make_engine)
         points = np.concatenate([part.vertices for part in asset.parts])
-        self.hull = np.ascontiguousarray(points[ConvexHull(points).vertices])
+        self.hull = Body(np.ascontiguousarray(points[ConvexHull(points).vertices]))
 
 
 class Benches:
@@ -82,10 +85,10 @@ class Benches:
         self.objects, self.config, self.arm, self.gripper = tuple(objects), config, arm, gripper
         kinematics = HandKinematics(gripper, config.physics)
         self.covers = {g: kinematics.open_points(g) for g in GraspType}
-        self.regions = {g: kinematics.touchable_regions(g, config.motion.standoff) for g in GraspType}
+        self.regions = {g: Regions.of(kinematics.touchable_regions(g, config.motion.standoff)) for g in GraspType}
         lift = config.lift
         self._closing = {
-            g: kinematics.record_closing(g, lift.control_period, lift.closing_ticks, lift.settling_ticks)
+            g: kinematics.record_closing(g, lift.control_period, lift.closing_ticks, lift.ticks_after_closing)
             for g in GraspType
         }
         self._make_engine = _engine_maker(config)
@@ -184,7 +187,11 @@ class BoundAttempt:
         free, window = self.approach_is_free, self.closing_window
         if self.bench.config.engine != "mujoco" or (free and window is None):
             return None
-        return FreePart(free, self.bench.hand.closing[self.attempt.grasp_type], window)
+        closing = self.bench.hand.closing[self.attempt.grasp_type]
+        return FreePart(self.attempt.item, free, closing, window, self._foresee)
+
+    def _foresee(self, item: ObjectState, since: int, nearer: float) -> Window | None:
+        return self.bench.hand.closing_window(replace(self.attempt, item=item), since, nearer)
 
     @cached_property
     def motion(self) -> Motion | None:

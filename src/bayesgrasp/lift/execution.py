@@ -9,6 +9,7 @@ knows which engine runs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from jaxtyping import Float64
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.engine import DivergedError
-from bayesgrasp.lift.free_closing import MARGIN, FreeClosing, Window
+from bayesgrasp.lift.free_closing import FreePart
 from bayesgrasp.lift.hold import HoldConfig, holds
 from bayesgrasp.lift.rig import Rig
 from bayesgrasp.robot.motion import Motion
@@ -27,11 +28,6 @@ from bayesgrasp.types import Outcome
 
 Observer = Callable[[mujoco.MjModel, mujoco.MjData], None]
 Angles = Float64[np.ndarray, "6"]
-
-LEAD = 3
-"""Ticks before the first possible contact at which physics begins; an object that stands settles within two."""
-LAG = 2
-"""Ticks by which the closing hand in physics may be behind the recorded one."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +84,11 @@ class LiftConfig:
         """Control periods after closing and before the lift."""
         return round(self.settle_time / self.control_period)
 
+    @property
+    def ticks_after_closing(self) -> int:
+        """Control periods after closing at the end of which an object that is never touched is lost."""
+        return self.settling_ticks + math.ceil(self.release_time / self.control_period) + 1
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -115,21 +116,6 @@ class Asked:
     hold: HoldConfig | None = None
     observe: Observer | None = None
     ends_early: bool = True
-
-
-@dataclass(frozen=True)
-class FreePart:
-    """What of an attempt is certainly free of contact, so that physics need not play it.
-
-    Attributes:
-        approach: Whether the approach is.
-        closing: The free closing motion of the hand.
-        window: Outside of it the closing is, if nothing was touched before.
-    """
-
-    approach: bool
-    closing: FreeClosing
-    window: Window | None
 
 
 def execute(
@@ -201,7 +187,7 @@ class _Run:
                 self._show()
         else:
             self._follow(path, duration)
-        return 0 if self.touched else self._skip(free, min(free.window.first - LEAD, self.config.closing_ticks))
+        return 0 if self.touched else self._skip(free, min(free.before, self.config.closing_ticks))
 
     def _skip(self, free: FreePart, ticks: int) -> int:
         """Close by so many ticks without physics; how many they were."""
@@ -230,11 +216,14 @@ class _Run:
         return False
 
     def _is_in_vain(self, tick: int) -> bool:
-        """Whether nothing was touched until this tick and nothing will be, since the object stands where it stood."""
-        if self.touched or self.free is None:
+        """Whether nothing is touched any more, and the object was not touched or is lost."""
+        free, config, rig = self.free, self.config, self.rig
+        if free is None or not free.goes_on(rig, tick):
             return False
-        last = -1 if self.free.window is None else self.free.window.last
-        return tick > last + LAG and self.rig.object_shift(self.attempt.item) < MARGIN / 3.0
+        if not self.touched:
+            return free.is_passed(rig, tick)
+        left = (config.closing_ticks - tick + config.ticks_after_closing) * config.control_period
+        return self.released > config.release_time and free.is_lost(rig, tick, left)
 
     def _lift(self) -> bool:
         """Rise and hold; whether the criterion of `LiftConfig` is met. Ends early once the object is lost."""

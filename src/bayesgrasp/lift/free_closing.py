@@ -8,16 +8,28 @@ farther than the way that is recorded with them, so a few distances from the obj
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64
 
+from bayesgrasp.lift.rig import Rig
 from bayesgrasp.robot.gripper_model import HandState
+from bayesgrasp.robot.physics_scene import ObjectState
 
 MARGIN = 0.003
 """Metres that the hand in physics may be away from where geometry has it: soft contacts, servos, a settling object."""
+
+
+LEAD = 3
+"""Ticks before the first possible contact at which physics begins; an object that stands settles within two."""
+LAG = 2
+"""Ticks by which the closing hand in physics may be behind the recorded one."""
+LOOK = 8
+"""Ticks between two looks whether an object that was touched can be touched again: a look costs as much as two."""
+AS_RECORDED = 0.01
+"""Radians by which the joints of a hand that moves freely differ from the recorded motion, at most."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +66,7 @@ class FreeClosing:
         # A point that moves by s between two ticks is within s / 2 of where it is at one of them.
         return MARGIN + 0.5 * float(np.diff(self.way).max(initial=0.0))
 
-    def window(self, clearance: Callable[[int], float]) -> Window | None:
+    def window(self, clearance: Callable[[int], float], since: int = 0) -> Window | None:
         """When the hand may touch something; None if never.
 
         From a tick with a clearance of c the hand goes on by c less `MARGIN` without being asked again. At the first
@@ -62,9 +74,10 @@ class FreeClosing:
 
         Args:
             clearance: Distance of the hand from everything after a tick, metres, negative for overlap; a lower bound.
+            since: The first tick that matters.
         """
         near: list[int] = []
-        tick, end = 0, len(self)
+        tick, end = since, len(self)
         while tick < end:
             distance = clearance(tick)
             if distance < 0.0:
@@ -77,3 +90,43 @@ class FreeClosing:
     def _reached(self, tick: int, way: float) -> int:
         """The last tick at which no point has come farther than that since a tick."""
         return int(np.searchsorted(self.way, self.way[tick] + way, side="right")) - 1
+
+
+@dataclass(frozen=True)
+class FreePart:
+    """What of an attempt is certainly free of contact, so that physics need not play it.
+
+    Attributes:
+        item: The object, and where it was placed.
+        approach: Whether the approach is free.
+        closing: The free closing motion of the hand.
+        window: Outside of it the closing is free, if nothing was touched before.
+        foresee: The window of what is left after a tick, with the object elsewhere and (metres) by so much nearer.
+    """
+
+    item: ObjectState
+    approach: bool
+    closing: FreeClosing
+    window: Window | None
+    foresee: Callable[[ObjectState, int, float], Window | None]
+
+    @property
+    def before(self) -> int:
+        """Ticks of the closing that need not be played before something is touched."""
+        return 0 if self.window is None else max(0, self.window.first - LEAD)
+
+    def goes_on(self, rig: Rig, tick: int) -> bool:
+        """Whether the hand is where the recorded motion has it; the table or the object may have held it up."""
+        return rig.hand_shift(self.closing.states[min(tick, len(self.closing) - 1)]) < AS_RECORDED
+
+    def is_passed(self, rig: Rig, tick: int) -> bool:
+        """Whether a hand that goes on is past all that it may touch, while the object stands where it stood."""
+        last = -1 if self.window is None else self.window.last
+        return tick > last + LAG and rig.object_shift(self.item) < MARGIN / 3.0
+
+    def is_lost(self, rig: Rig, tick: int, left: float) -> bool:
+        """Whether neither a hand that goes on nor the object comes to where they touch in the seconds that are left."""
+        if tick % LOOK or tick >= len(self.closing):
+            return False
+        there = replace(self.item, pose=rig.data.qpos[rig.object.qpos].copy())
+        return self.foresee(there, tick, left * rig.object_speed()) is None

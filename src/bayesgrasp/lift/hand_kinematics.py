@@ -9,7 +9,6 @@ within hull and margin; the tests check this along the closing motion, `benchmar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise, product
 
 import mujoco
@@ -17,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
+from bayesgrasp.geometry.separation import Halfspaces
 from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
 from bayesgrasp.robot.gripper import GripperDescription, Shape
 from bayesgrasp.robot.gripper_model import GripperHandle, HandState, add_gripper
@@ -40,14 +40,6 @@ _YIELD = math.radians(1.0)
 """By which joints that a servo holds give way under a grasp."""
 _SLACK = 0.25
 """Radians by which nodes of the grid may miss a coupling's stops; without it no node is near a stop between nodes."""
-
-
-@dataclass(frozen=True)
-class Halfspaces:
-    """A convex region {p : normals p <= offsets} in the hand frame, metres."""
-
-    normals: Float64[np.ndarray, "faces 3"]
-    offsets: Float64[np.ndarray, "faces"]
 
 
 def shape_points(shape: Shape) -> tuple[Points, float]:

@@ -97,6 +97,15 @@ class Rig:
         turned = 2.0 * float(np.linalg.norm(quaternion)) * self.object.radius
         return float(np.linalg.norm(position)) + turned
 
+    def object_speed(self) -> float:
+        """Of the object's fastest point, at most; metres per second."""
+        linear, angular = np.split(self.data.qvel[self.object.qvel], 2)
+        return float(np.linalg.norm(linear) + np.linalg.norm(angular) * self.object.radius)
+
+    def hand_shift(self, state: HandState) -> float:
+        """Largest difference of a joint of the hand from a state, radians."""
+        return float(np.abs(self.data.qpos[self.hand.qpos] - state.angles).max())
+
     def object_in_hand(self) -> Float64[np.ndarray, "4 4"]:
         """Pose of the object's centre of mass, with the axes of its frame, in the hand frame."""
         data, palm, item = self.data, self.hand.palm, self.object.body

@@ -6,12 +6,13 @@ Four certainties, each conservative (an attempt that they cannot decide goes on 
 * the open hand at h or on its straight way there overlaps the object or the table: COLLISION;
 * nothing that the hand can reach while it comes and closes meets the object: NO_CONTACT. The reach of each link is the
   convex hull of its shapes over all joint angles that the stops and couplings allow, grown by a margin and drawn
-  back along the approach. A hull and the object are certainly apart if a face of the hull separates them;
+  back along the approach. A hull and the object are certainly apart if a face of the hull separates them
+  (`bayesgrasp.geometry.separation`);
 * the hand, on its straight way and moved through its free closing motion (recorded once from physics without an
   object), stays farther from object and table than a margin: NO_CONTACT, because physics without contact repeats the
   free motion. The way is sampled coarsely and with a wide margin, since the servos of the arm do not follow it exactly.
 
-The first and the third are matrix products over many attempts at once, in the hand frame.
+The first and the third are asked for many attempts at once, in the hand frame.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from jaxtyping import Bool, Float64
 
 from bayesgrasp.lift.attempt import Attempt
 from bayesgrasp.lift.free_closing import FreeClosing, Window
-from bayesgrasp.lift.hand_kinematics import CLEARANCE, SAMPLE_SPACING, Halfspaces, Points
+from bayesgrasp.lift.hand_kinematics import CLEARANCE, SAMPLE_SPACING, Points
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
@@ -47,34 +48,17 @@ def below_table(
     return below
 
 
-def certainly_apart(vertices: Float64[np.ndarray, "n vertices 3"], regions: list[Halfspaces]) -> Bool[np.ndarray, "n"]:
-    """Whether an object with these hull vertices (hand frame, metres) is certainly apart from all regions.
-
-    It is apart from a convex region if all of its vertices v are beyond one of the region's faces, n v > c. The other
-    way round is not true (an edge of each may be what separates them), so what is not apart here is only undecided.
-    """
-    apart = np.ones(len(vertices), dtype=bool)
-    for region in regions:
-        rows = np.flatnonzero(apart)
-        if len(rows) == 0:
-            break
-        beyond = (vertices[rows] @ region.normals.T).min(axis=1) > region.offsets
-        apart[rows] = beyond.any(axis=1)
-    return apart
-
-
-def hull_in_hand(
-    hull: Float64[np.ndarray, "vertices 3"], attempts: Attempts, hand_to_world: Float64[np.ndarray, "n 4 4"]
-) -> Float64[np.ndarray, "n vertices 3"]:
-    """Vertices of an object's convex hull (object frame at scale 1) in the hand frame of each attempt, metres."""
+def object_in_hand(
+    attempts: Attempts, hand_to_world: Float64[np.ndarray, "n 4 4"]
+) -> tuple[Float64[np.ndarray, "n 3 3"], Float64[np.ndarray, "n 3"]]:
+    """Rotation times scale, and position (metres), of the object of each attempt in the hand frame."""
     x, y, yaw = attempts.object_pose.astype(np.float64).T
     cos, sin, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
     turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0], axis=-1).reshape(-1, 3, 3)
-    world = attempts.scale.astype(np.float64)[:, None, None] * (hull @ turn.transpose(0, 2, 1))
-    world += np.stack([x, y, zero], axis=-1)[:, None, :]
-    rotation = np.ascontiguousarray(hand_to_world[:, :3, :3])
-    vertices: Float64[np.ndarray, "n vertices 3"] = (world - hand_to_world[:, None, :3, 3]) @ rotation
-    return vertices
+    world_to_hand = np.ascontiguousarray(hand_to_world[:, :3, :3].transpose(0, 2, 1))
+    position = np.stack([x, y, zero], axis=-1) - hand_to_world[:, :3, 3]
+    linear: Float64[np.ndarray, "n 3 3"] = attempts.scale.astype(np.float64)[:, None, None] * (world_to_hand @ turn)
+    return linear, (world_to_hand @ position[:, :, None])[:, :, 0]
 
 
 class HandAlone:
@@ -106,16 +90,22 @@ class HandAlone:
                 break
         return nearest
 
-    def closing_window(self, attempt: Attempt) -> Window | None:
-        """When the hand, closing on nothing at h, comes near object or table; None if it never does."""
+    def closing_window(self, attempt: Attempt, since: int = 0, nearer: float = 0.0) -> Window | None:
+        """When the hand, closing on nothing at h, comes near object or table; None if it never does.
+
+        Args:
+            attempt: Hand and object.
+            since: The first tick that matters.
+            nearer: Metres by which the object may yet come nearer.
+        """
         self._place(attempt)
         closing = self.closing[attempt.grasp_type]
 
         def clearance(tick: int) -> float:
             self.data.qpos[self.hand.qpos] = closing.angles[tick]
-            return min(self._clearance(attempt.hand_to_world[:3, 3]), CLEARANCE)
+            return min(self._clearance(attempt.hand_to_world[:3, 3]), CLEARANCE) - nearer
 
-        return closing.window(clearance)
+        return closing.window(clearance, since)
 
     def _place(self, attempt: Attempt) -> None:
         """Open the hand, turn it, and put the object in its place."""

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Int
 
 from bayesgrasp.lift.bench import BoundAttempt, BoundAttempts
 from bayesgrasp.lift.execution import Asked, Verdict, execute
-from bayesgrasp.lift.screening import below_table, certainly_apart, hull_in_hand
+from bayesgrasp.lift.screening import below_table, object_in_hand
 from bayesgrasp.robot.motion import reached
 from bayesgrasp.types import Outcome
 
@@ -91,8 +91,8 @@ def _is_far_away(bound: BoundAttempts, rows: Rows) -> Sequence[Verdict | None]:
             mine = np.flatnonzero((index == item) & (grasp_type == kind))
             if len(mine):
                 here, hull = rows[mine], bound.benches[int(item)].hull
-                vertices = hull_in_hand(hull, bound.attempts[here], bound.hand_to_world[here])
-                far[mine] = certainly_apart(vertices, regions)
+                linear, shift = object_in_hand(bound.attempts[here], bound.hand_to_world[here])
+                far[mine] = hull.certainly_apart(linear, shift, regions)
     return _where(far, Outcome.NO_CONTACT)
 
 

@@ -21,6 +21,7 @@ from jaxtyping import Float64
 from ur_analytic_ik import ur5 as closed_form
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.robot.branch_kernels import nearest_turns
 
 JOINTS = 6
 Six = tuple[float, float, float, float, float, float]
@@ -153,11 +154,7 @@ class ArmDescription:
         branches = self.solver(self._world_to_base @ _orthonormalized(hand_to_world) @ self._flange_to_hand)
         if len(branches) == 0:
             return np.zeros((0, JOINTS))
-        # The solver's angles are up to full turns: take the turn nearest to the reference or, beyond a limit, one back.
-        q = near + np.remainder(np.asarray(branches) - near + math.pi, 2 * math.pi) - math.pi
-        q = np.where(np.abs(q) > self._limits, q - np.copysign(2 * math.pi, q), q)
-        q = q[(np.abs(q) <= self._limits).all(axis=1)]
-        nearest_first: Float64[np.ndarray, "solutions 6"] = q[np.argsort(np.abs(q - near).max(axis=1), kind="stable")]
+        nearest_first: Float64[np.ndarray, "solutions 6"] = nearest_turns(np.asarray(branches), near, self._limits)
         return nearest_first
 
     @cached_property

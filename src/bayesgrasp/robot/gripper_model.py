@@ -175,8 +175,7 @@ class GripperHandle:
         self._holders = np.array([model.actuator(f"{name}_servo").id for name in gripper.holders], dtype=np.int64)
         self._held = np.array([gripper.joint_names.index(name) for name in gripper.holders], dtype=np.int64)
         self._motors = np.array([model.actuator(motor.name).id for motor in gripper.motors])
-        self._torque = np.array([motor.torque for motor in gripper.motors])
-        self._speed = np.array([motor.speed for motor in gripper.motors])
+        self._limits = [(motor.torque, motor.speed) for motor in gripper.motors]
 
     def open(self, data: mujoco.MjData, grasp_type: GraspType) -> None:
         """Put the hand into the pre-shape of a grasp type, at rest."""
@@ -197,8 +196,12 @@ class GripperHandle:
 
     def close(self, data: mujoco.MjData, grasp_type: GraspType, period: float) -> bool:
         """Advance by ``period`` seconds the motors that have reached neither torque nor travel; whether any moved."""
-        travel = self.gripper.preshapes[grasp_type].travel
-        target = data.ctrl[self._motors]
-        moving = (data.actuator_force[self._motors] < self._torque) & (target < travel)
-        data.ctrl[self._motors] = np.where(moving, np.minimum(target + period * self._speed, travel), target)
-        return bool(moving.any())
+        travel, any_moved = self.gripper.preshapes[grasp_type].travel, False
+        targets, tensions = data.ctrl[self._motors].tolist(), data.actuator_force[self._motors].tolist()
+        # Plain numbers: for three motors, several times faster than array calls.
+        for motor, (torque, speed) in enumerate(self._limits):
+            if tensions[motor] < torque and targets[motor] < travel:
+                targets[motor], any_moved = min(targets[motor] + period * speed, travel), True
+        if any_moved:
+            data.ctrl[self._motors] = targets
+        return any_moved
