@@ -14,6 +14,7 @@ sees a point's signed depth against each.
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
 import torch
 import torch.nn.functional as F  # noqa: N812
 from jaxtyping import Float
@@ -22,6 +23,8 @@ from torch import Tensor, nn
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.ratio.estimators import check_head
 from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, sample
+from bayesgrasp.ratio.fused.local_head import LocalHead
+from bayesgrasp.ratio.fused.look_up_kernels import Evidence, Eye
 from bayesgrasp.ratio.layers import HandConfig, HandFeatures, conv_stage, mlp
 from bayesgrasp.types import Hands
 
@@ -144,6 +147,8 @@ class LocalSuccess(nn.Module):
 
     def forward(self, context: Context, hands: Hands) -> Float[Tensor, "b k"]:
         """Logit for each image with each of its hands."""
+        if self._can_fuse(context, hands):
+            return self._fused(context).values(hands[0]).squeeze(-1)[None]
         first, *rest = self.head
         inputs = torch.cat([self.features(hands), self.look_up(context, hands)], -1)
         hidden: Tensor = first(inputs) + context.vector[:, None]
@@ -161,6 +166,30 @@ class LocalSuccess(nn.Module):
         parts = [torch.tanh(signed / scale) for scale in self.config.evidence.scales]
         parts += [_by_hand(behind), _by_hand(features[..., :: self.config.every])]
         return torch.cat(parts, -1)
+
+    def _can_fuse(self, context: Context, hands: Hands) -> bool:
+        """Whether the compiled head can be asked: one image on the CPU, and no gradient wanted but in the hands."""
+        first: nn.Linear = self.head[0]  # type: ignore[assignment]
+        fixed = not any(tensor.requires_grad for tensor in (*context, first.weight))
+        plain = {tensor.dtype for tensor in (*context, first.weight, hands.position)} == {torch.float32}
+        near = len(hands.position) == 1 and hands.position.device.type == context.depth.device.type == "cpu"
+        return fixed and plain and near and not torch.is_autocast_enabled("cpu")
+
+    def _fused(self, context: Context) -> LocalHead:
+        """The head for one image, compiled."""
+        view, config = self.points.view, self.config
+        top, left, height, width = config.seen
+        maps = context.maps[0].permute(1, 2, 0)
+        offsets, features = (part.contiguous().numpy() for part in maps.split([config.surfaces, config.features], -1))
+        across, down = maps.shape[1] / width, maps.shape[0] / height
+        window = np.array([across, across * (0.5 - left) - 0.5, down, down * (0.5 - top) - 0.5], np.float32)
+        pinhole = (np.array(part, np.float32) for part in (view.config.focal, view.config.center))
+        points = self.points.points.t().contiguous().numpy()
+        eye = Eye(points, view.rotation.numpy(), view.translation.numpy(), *pinhole)
+        seen = context.depth[0, 0].contiguous().numpy(), offsets, features, window
+        scales = np.array(config.evidence.scales, np.float32)
+        evidence = Evidence(*seen, scales, OFFSET_UNIT, OFFSET_SCALE, config.every)
+        return LocalHead(self.features, eye, evidence, self.head, context.vector[0])
 
     def in_window(self, grid: Float[Tensor, "b k p 2"]) -> Float[Tensor, "b k p 2"]:
         """From sampling coordinates of the image to those of the window."""
