@@ -44,7 +44,7 @@ class Stream(Enum):
     PRACTICE = (4, 6)  # chunk: scenes, cameras, noise, nuisances
     PRACTICE_FRICTION = (4, 7)  # chunk: frictions that a proposer is told
     PRACTICE_HANDS = (4, 8)  # chunk: hands of a proposer
-    COPIES = (7,)  # (): stretched copies of objects
+    COPIES = (7,)  # (): deformed copies of objects
 
     # Objects
     PROCEDURAL = (40,)  # index: kind, sizes, pose and density of a procedural object

@@ -8,7 +8,7 @@ from pathlib import Path
 from bayesgrasp.cli.generate import print_data
 from bayesgrasp.cli.progress import generating
 from bayesgrasp.objects.catalogue import load_objects
-from bayesgrasp.objects.stretch import StretchConfig
+from bayesgrasp.objects.deform import DeformConfig
 from bayesgrasp.prior.cameras import CameraLaw
 from bayesgrasp.workflows.practise import PracticeJob, Practised, practise
 
@@ -25,6 +25,8 @@ def practice(
     ycb_dir: Path | None = None,
     copies: int = 0,
     stretch: float = 1.3,
+    taper: float = 0.0,
+    bend: float = 0.0,
     estimator: Practised = "success",
     cameras: CameraLaw | None = None,
 ) -> None:
@@ -44,14 +46,18 @@ def practice(
         resume: Go on with the data set in --out, or start it where there is none.
         split: Objects; see `bayesgrasp generate`. Never the unseen ones if they are to stay unseen.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
-        copies: Stretched copies of each object that are practised on beside it, for more shapes than there are scans.
+        copies: Deformed copies of each object that are practised on beside it, for more shapes than there are scans.
         stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
+        taper: Widths of a copy change by up to this share between bottom and top.
+        bend: A copy is bent by up to so many radians in the plane of the table, as far as its convex parts allow.
         estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
             success_ratio (it knows nothing).
         cameras: Where images are taken from, canonical or any; by default as in the data that the model was trained on.
     """
     objects = load_objects(split, ycb_dir)
-    job = PracticeJob(model, objects, scenes, tries, estimator, StretchConfig(copies, stretch), cameras, seed)
+    job = PracticeJob(
+        model, objects, scenes, tries, estimator, DeformConfig(copies, stretch, taper, bend), cameras, seed
+    )
     with generating(job.attempts) as progress:
         manifest = practise(job, out, workers, resume=resume, progress=progress)
     print_data(manifest, out)

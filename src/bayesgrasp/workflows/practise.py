@@ -19,8 +19,8 @@ from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.practice import PracticeRecipe, Proposer, Shown
 from bayesgrasp.generation.provenance import describe
 from bayesgrasp.generation.run import Progress, Recipe, Run, open_store
+from bayesgrasp.objects.deform import DeformConfig, with_copies
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.objects.stretch import StretchConfig, with_copies
 from bayesgrasp.posterior.potential import LogDensity, Prior
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
 from bayesgrasp.prior.cameras import CameraLaw, camera_law
@@ -49,7 +49,8 @@ class PracticeJob:
         tries: Hands tried for each image, at least 3.
         estimator: Which one proposes: success (it sees the image), full (it knows object, pose and friction) or
             success_ratio (it knows nothing).
-        stretch: Copies of each object that are practised on beside it, for more shapes than there are scans.
+        deform: Copies of each object that are practised on beside it, for more shapes than there are scans; then
+            p(O) is uniform over objects and copies.
         cameras: Where images are taken from; as in the data that the model was trained on if None.
         seed: Of all random numbers.
 
@@ -62,7 +63,7 @@ class PracticeJob:
     scenes: int = 2000
     tries: int = 12
     estimator: Practised = "success"
-    stretch: StretchConfig = field(default_factory=StretchConfig)
+    deform: DeformConfig = field(default_factory=DeformConfig)
     cameras: CameraLaw | None = None
     seed: int = 0
 
@@ -126,7 +127,7 @@ def practise(
         DataError: There is a data set in ``out`` already, of another kind or being written, or it is damaged.
         InvalidConfigurationError: An estimator that is told the mesh never knew these objects.
     """
-    objects = with_copies(job.objects, job.stretch, generator(job.seed, Stream.COPIES))
+    objects = with_copies(job.objects, job.deform, generator(job.seed, Stream.COPIES))
     world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
     config = job.sizes(read_card(job.model))
     manifest = describe(world, config, job.seed, scene, job.attempts)

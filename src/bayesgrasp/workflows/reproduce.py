@@ -21,8 +21,8 @@ from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.deform import DeformConfig
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.objects.stretch import StretchConfig
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.checkpoint import join_models
 from bayesgrasp.ratio.model import Role
@@ -126,7 +126,7 @@ class Experiment:
             self._objects(self.scale.split),
             scenes=one.scenes,
             estimator=one.estimator,
-            stretch=StretchConfig(one.copies),
+            deform=DeformConfig(one.copies),
             seed=self.seed + number,
         )
         with self.watcher.generating(job.attempts) as progress:
