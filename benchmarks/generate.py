@@ -26,7 +26,7 @@ import tyro
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.shards import encode
 from bayesgrasp.files import write_json
-from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, SimulatedWorld
+from bayesgrasp.generation.chunks import ChunkMaker, GenerateConfig, SimulatedWorld, labels
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal
 from bayesgrasp.generation.provenance import describe
@@ -116,7 +116,7 @@ def one_chunk(maker: ChunkMaker, number: int, size: int, prior: Proposal) -> lis
     clock = [time.process_time()]
     attempts = maker.propose(number, size, prior)
     clock.append(time.process_time())
-    attempts = replace(attempts, outcome=maker.world.lift_test(attempts))
+    attempts = replace(attempts, **labels(maker.world.lift_test(attempts)))
     clock.append(time.process_time())
     chunk = maker.make(number, size, prior)
     clock.append(time.process_time())

@@ -32,6 +32,7 @@ from bayesgrasp.files import write_json
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.run import Recipe, Run, open_store
+from bayesgrasp.lift.lift_test import Verdicts
 from bayesgrasp.prior.planar_symmetry import to_object
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.types import Attempts, CameraNuisances, Outcome, Scenes
@@ -107,10 +108,11 @@ def stand_in() -> World:
     return World(lift_test, render)
 
 
-def lift_test(attempts: Attempts) -> np.ndarray:
+def lift_test(attempts: Attempts) -> Verdicts:
     """Success near `TARGET`."""
     distance = np.linalg.norm(to_object(attempts).position - np.array(TARGET), axis=-1)
-    return np.where(distance < RADIUS, np.uint8(Outcome.SUCCESS), np.uint8(Outcome.NO_CONTACT))
+    outcomes = np.where(distance < RADIUS, np.uint8(Outcome.SUCCESS), np.uint8(Outcome.NO_CONTACT))
+    return Verdicts(outcomes, distance < RADIUS)
 
 
 def render(scenes: Scenes, camera: CameraNuisances, rng: np.random.Generator) -> np.ndarray:

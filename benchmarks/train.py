@@ -71,7 +71,7 @@ def synthetic(scenes: int, hands: int) -> Batch:
     images = 0.6 + 0.3 * torch.rand(scenes, 1, 160, 256, generator=rng)
     rows = Hands(*(x.unflatten(0, (scenes, hands)) for x in fields))
     index = torch.zeros(scenes, dtype=torch.int64)
-    return Batch(rows, success, ones, ones, images, index, ones[:, 0], torch.zeros(scenes, 3), ones)
+    return Batch(rows, success, ones, ones, images, index, ones[:, 0], torch.zeros(scenes, 3), ones, success)
 
 
 def training_rate(estimator: nn.Module, objective: Objective, bf16: bool) -> float:
@@ -133,7 +133,9 @@ class Pairs:
         ones = torch.ones(len(rows), 1)
         index = torch.zeros(len(rows), dtype=torch.int64)
         hands = self.hands[rows][:, None]
-        return Batch(hands, ones, ones, ones, self.images[rows], index, ones[:, 0], torch.zeros(len(rows), 3), ones)
+        return Batch(
+            hands, ones, ones, ones, self.images[rows], index, ones[:, 0], torch.zeros(len(rows), 3), ones, ones
+        )
 
 
 def simulated(count: int, seed: int, batch_size: int) -> Pairs:

@@ -58,7 +58,7 @@ def batch(hands: Hands, success: Tensor, weight: Tensor, images: Tensor) -> Batc
     )
     ones, zeros = torch.ones(scenes), torch.zeros(scenes, 3)
     index = torch.zeros(scenes, dtype=torch.int64)
-    return Batch(Hands(position, rotation, types), s, w, w, images, index, ones, zeros, torch.ones_like(w))
+    return Batch(Hands(position, rotation, types), s, w, w, images, index, ones, zeros, torch.ones_like(w), s)
 
 
 def successes(rng: np.random.Generator) -> Batch:

@@ -27,7 +27,7 @@ def slippery(attempts: Attempts) -> np.ndarray:
 
 
 def records(settings: GenerateConfig, chunk: int, proposal: Proposal) -> AttemptRecords:
-    maker = ChunkMaker(World(slippery, fake_world.render), settings, 3, SCENE)
+    maker = ChunkMaker(World(fake_world.judged_by(slippery), fake_world.render), settings, 3, SCENE)
     attempts = maker.propose(chunk, settings.attempts_per_chunk, proposal)
     return replace(attempts, outcome=slippery(attempts))
 
@@ -35,7 +35,7 @@ def records(settings: GenerateConfig, chunk: int, proposal: Proposal) -> Attempt
 @pytest.fixture(scope="module")
 def pilot() -> AttemptRecords:
     settings = GenerateConfig(proposal="prior", attempts_per_draw=1, draws_per_chunk=20_000)
-    maker = ChunkMaker(World(slippery, fake_world.render), settings, 5, SCENE)
+    maker = ChunkMaker(World(fake_world.judged_by(slippery), fake_world.render), settings, 5, SCENE)
     parts = [maker._prior_attempts(i, np.ones(1, np.float32), 20_000, np.random.default_rng(i)) for i in range(3)]
     attempts = Attempts.cat(parts)
     n = len(attempts)
@@ -44,6 +44,7 @@ def pilot() -> AttemptRecords:
         **attempts.columns(),
         draw=np.arange(n),
         outcome=slippery(attempts),
+        held=np.zeros(n, np.uint8),
         log_weight=zeros,
         object_log_weight=zeros,
     )

@@ -31,7 +31,7 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def successes(world: World) -> AttemptRecords:
     records = ChunkMaker(world, CONFIG, 11, ScenePrior(1)).propose(0, ATTEMPTS, Proposal.prior(1))
-    found = records[world.lift_test(records) == Outcome.SUCCESS]
+    found = records[world.lift_test(records).outcomes == Outcome.SUCCESS]
     assert len(found) >= 8
     return found
 
@@ -42,7 +42,7 @@ def with_new_nuisances(attempts: AttemptRecords, seed: int) -> AttemptRecords:
 
 
 def held(world: World, attempts: AttemptRecords) -> np.ndarray:
-    return world.lift_test(attempts) == Outcome.SUCCESS
+    return world.lift_test(attempts).outcomes == Outcome.SUCCESS
 
 
 def difference(one: np.ndarray, two: np.ndarray) -> float:

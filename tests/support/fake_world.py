@@ -1,11 +1,14 @@
 """Cheap simulators with a known success region, for the tests of the data engine."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from bayesgrasp.data.manifest import Manifest
 from bayesgrasp.generation.chunks import GenerateConfig, World
 from bayesgrasp.generation.proposal import AdaptiveConfig
 from bayesgrasp.generation.run import Recipe
+from bayesgrasp.lift.lift_test import Verdicts
 from bayesgrasp.prior.planar_symmetry import to_object
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.types import Attempts, CameraNuisances, Outcome, Scenes
@@ -26,6 +29,16 @@ def lift_test(attempts: Attempts) -> np.ndarray:
     return np.where(reachable(attempts), outcome, Outcome.UNREACHABLE).astype(np.uint8)
 
 
+def judged_by(outcomes_of: Callable[[Attempts], np.ndarray]) -> Callable[[Attempts], Verdicts]:
+    """Verdicts of a lift test; a success holds where the hand is on the left."""
+
+    def judge(attempts: Attempts) -> Verdicts:
+        outcomes = outcomes_of(attempts)
+        return Verdicts(outcomes, (outcomes == Outcome.SUCCESS) & (to_object(attempts).position[:, 1] > 0))
+
+    return judge
+
+
 def reachable(attempts: Attempts) -> np.ndarray:
     within: np.ndarray = attempts.position[:, 0] < REACH - 0.1 * np.abs(attempts.quaternion[:, 1])
     return within
@@ -40,7 +53,7 @@ def render(scenes: Scenes, camera: CameraNuisances, rng: np.random.Generator) ->
 
 def build() -> World:
     """The fake simulators."""
-    return World(lift_test, render, reachable)
+    return World(judged_by(lift_test), render, reachable)
 
 
 SMALL = GenerateConfig(

@@ -32,7 +32,7 @@ def make_batch(scenes: int, hands: int, seed: int) -> Batch:
     success = (torch.rand(scenes, hands, generator=rng) < logit.sigmoid()).float()
     ones = torch.ones(scenes, hands)
     index = torch.randint(3, (scenes,), generator=rng)
-    return Batch(drawn, success, ones, ones, images, index, torch.ones(scenes), torch.zeros(scenes, 3), ones)
+    return Batch(drawn, success, ones, ones, images, index, torch.ones(scenes), torch.zeros(scenes, 3), ones, success)
 
 
 class ListSource:

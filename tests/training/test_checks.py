@@ -47,7 +47,9 @@ def made(scenes: int, hands: int, seed: int) -> Batch:
     drawn = Hands(torch.cat([x[..., None], zeros], -1), rotation, torch.zeros(scenes, hands, dtype=torch.int64))
     images = light[:, None, None, None]
     index = torch.zeros(scenes, dtype=torch.int64)
-    return Batch(drawn, success, ones, ones, images, index, torch.ones(scenes), light[:, None].repeat(1, 3), ones)
+    return Batch(
+        drawn, success, ones, ones, images, index, torch.ones(scenes), light[:, None].repeat(1, 3), ones, success
+    )
 
 
 class Exact(nn.Module):

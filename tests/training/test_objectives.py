@@ -112,7 +112,7 @@ def test_emphasis_leaves_the_success_probability_alone(batch: MakeBatch, emphasi
 
     def closure() -> Tensor:
         optimizer.zero_grad()
-        loss = objective.cross_entropy(logit.expand(1, 10), ten)
+        loss = objective.cross_entropy(logit.expand(1, 10), ten.success, ten)
         loss.backward()
         return loss
 
@@ -125,7 +125,9 @@ def test_success_uses_the_selection_weight_only(batch: MakeBatch) -> None:
     other = replace(one, weight=one.weight * torch.arange(6.0))
     logit = one.hands.position[..., 0]
     changed = replace(one, selection_weight=torch.arange(6.0)[None])
-    loss, same, different = (SuccessObjective().cross_entropy(logit, batch) for batch in (one, other, changed))
+    loss, same, different = (
+        SuccessObjective().cross_entropy(logit, batch.success, batch) for batch in (one, other, changed)
+    )
     assert torch.equal(loss, same)
     assert not torch.equal(loss, different)
 

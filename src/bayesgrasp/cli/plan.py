@@ -17,6 +17,8 @@ from bayesgrasp.observation.depth_files import read_depth
 from bayesgrasp.planning.constraints import EVERY_TYPE, Constraints
 from bayesgrasp.planning.figure import save_plan_figure
 from bayesgrasp.planning.plan import Plan
+from bayesgrasp.planning.planner import PlannerConfig
+from bayesgrasp.planning.selection import Rank, SelectionConfig
 from bayesgrasp.types import GraspType
 from bayesgrasp.workflows.load import load_planner
 
@@ -33,11 +35,14 @@ class Wanted:
     Attributes:
         top: How many grasps.
         samples: How many draws from the posterior; 0 for none (2000 for a figure).
+        rank: What makes one grasp better than another: its probability of success, that of holding the object against
+            pushes as well, or the posterior.
         seed: Same seed, same plan.
     """
 
     top: int = 5
     samples: int = 0
+    rank: Rank = "success"
     seed: int = 0
 
 
@@ -115,7 +120,8 @@ def plan(
     constraints = limits.constraints()
     view = Camera.load(camera)
     image = read_depth(depth)
-    planner = load_planner(model, device=device)
+    config = PlannerConfig(selection=SelectionConfig(rank=wanted.rank))
+    planner = load_planner(model, device=device, config=config)
     planner = planner.refining_pose() if refine_pose else planner
     samples = wanted.samples or (FIGURE_SAMPLES if outputs.figure else 0)
     answer = planner.plan(image, view, top=wanted.top, samples=samples, constraints=constraints, seed=wanted.seed)

@@ -176,6 +176,7 @@ class SceneLoader:
             selection_weight=torch.from_numpy(c["hand_selection_weight"]),
             images=torch.from_numpy(to_metres(c["image"])[:, None]),
             friction=torch.from_numpy(c["hand_lateral_friction"]),
+            held=torch.from_numpy(c["hand_held"].astype(np.float32)),
             **_objects(c),
         )
 
@@ -227,6 +228,7 @@ def attempt_batch(columns: Columns) -> Batch:
         selection_weight=weight,
         images=torch.zeros(len(weight), 1, 0, 0),
         friction=torch.from_numpy(columns["lateral_friction"][:, None]),
+        held=torch.from_numpy(columns["held"].astype(np.float32)[:, None]),
         **_objects(columns),
     )
 

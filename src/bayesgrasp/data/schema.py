@@ -23,7 +23,7 @@ from torch import Tensor
 
 from bayesgrasp.types import Attempts, Columns, Hands, Outcome, Scenes
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 DEPTH_UNIT = 1e-4
 """Metres per unit of a stored image: tenths of a millimetre, so that 1 m fits 16 bits; 0 = no return."""
 
@@ -35,12 +35,14 @@ class AttemptRecords(Attempts):
     Attributes:
         draw: Number of the object draw, the same in `SceneRecords`.
         outcome: `Outcome` values.
+        held: 1 where the grasp lifted the object and held it against pushes, 0 elsewhere.
         log_weight: Logarithm of p(h) / q(h | O, p_O), where q is the law that the hand was drawn from.
         object_log_weight: Logarithm of p(O) / q(O), the same for all attempts of a draw.
     """
 
     draw: Int64[np.ndarray, "n"]
     outcome: UInt8[np.ndarray, "n"]
+    held: UInt8[np.ndarray, "n"]
     log_weight: Float32[np.ndarray, "n"]
     object_log_weight: Float32[np.ndarray, "n"]
 
@@ -54,6 +56,7 @@ class HandRecords(Columns):
         quaternion: hand_to_world rotation, (w, x, y, z).
         grasp_type: `GraspType` values.
         outcome: `Outcome` of the attempt, in the scene's pose.
+        held: 1 where it also held against pushes.
         weight: See the module; 0 for padding, mean 1 over a data set.
         selection_weight: See the module; 0 for padding.
         lateral_friction, spinning_friction, mass_factor: See `Nuisances`; those of the attempt.
@@ -64,6 +67,7 @@ class HandRecords(Columns):
     quaternion: Float32[np.ndarray, "n k 4"]
     grasp_type: UInt8[np.ndarray, "n k"]
     outcome: UInt8[np.ndarray, "n k"]
+    held: UInt8[np.ndarray, "n k"]
     weight: Float32[np.ndarray, "n k"]
     selection_weight: Float32[np.ndarray, "n k"]
     lateral_friction: Float32[np.ndarray, "n k"]
@@ -80,6 +84,7 @@ class HandRecords(Columns):
             quaternion=np.zeros((0, hands, 4), np.float32),
             grasp_type=small,
             outcome=small,
+            held=small,
             weight=numbers,
             selection_weight=numbers,
             lateral_friction=numbers,
@@ -124,6 +129,7 @@ class Batch:
         scale: beta.
         object_pose: (x, y, yaw) of the object in the world frame; metres, radians.
         friction: Lateral friction coefficient of each attempt.
+        held: Whether the grasp also held against pushes, 0 or 1.
     """
 
     hands: Hands
@@ -135,6 +141,7 @@ class Batch:
     scale: Float32[Tensor, "b"]
     object_pose: Float32[Tensor, "b 3"]
     friction: Float32[Tensor, "b k"]
+    held: Float32[Tensor, "b k"]
 
     def __getitem__(self, index: Tensor | slice) -> Batch:
         """Some of the scenes."""

@@ -21,7 +21,7 @@ import numpy as np
 from bayesgrasp.data.images import to_units
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
-from bayesgrasp.generation.chunks import GenerateConfig, World
+from bayesgrasp.generation.chunks import GenerateConfig, World, labels
 from bayesgrasp.generation.run import Done, Recipe, Task, finish
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.geometry.hand_arrays import attempts_of
@@ -73,7 +73,7 @@ class BlindMaker:
         records = AttemptRecords(
             **attempts.columns(),
             draw=chunk * self.config.draws_per_chunk + np.arange(rows),
-            outcome=self.world.lift_test(attempts),
+            **labels(self.world.lift_test(attempts)),
             log_weight=np.full(rows, -np.inf, np.float32),
             object_log_weight=np.zeros(rows, np.float32),
         )

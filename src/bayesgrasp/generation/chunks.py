@@ -32,7 +32,7 @@ from bayesgrasp.generation.proposal import AdaptiveConfig, Proposal, propose
 from bayesgrasp.geometry.camera import IMAGE_SHAPE
 from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.lift.lift_config import LiftTestConfig
-from bayesgrasp.lift.lift_test import LiftTest
+from bayesgrasp.lift.lift_test import LiftTest, Verdicts
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.cameras import AnyCamera
 from bayesgrasp.prior.grasp import GraspPrior
@@ -54,12 +54,12 @@ class World:
     """The simulators that a worker holds.
 
     Attributes:
-        lift_test: Outcome of each attempt.
+        lift_test: Outcome of each attempt, and whether it held.
         render: Images of scenes.
         reachable: What the arm can do; None for a hand without an arm.
     """
 
-    lift_test: Callable[[Attempts], UInt8[np.ndarray, "n"]]
+    lift_test: Callable[[Attempts], Verdicts]
     render: Render
     reachable: Reachable | None = None
 
@@ -85,7 +85,7 @@ class SimulatedWorld:
         """Build them; a worker does this once."""
         test = LiftTest(self.objects, self.lift_test, gripper=self.gripper)
         sensor = AnySensor(self.objects, self.sensor, self.stereo)
-        return World(test.run, sensor.images, partial(reached, test.arm, self.lift_test.motion))
+        return World(test.judge, sensor.images, partial(reached, test.arm, self.lift_test.motion))
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class ChunkMaker:
     def make(self, chunk: int, rows: int, proposal: Proposal) -> Chunk:
         """The first ``rows`` attempts of a chunk, simulated, and the scenes of their draws."""
         attempts = self.propose(chunk, rows, proposal)
-        attempts = replace(attempts, outcome=self.world.lift_test(attempts))
+        attempts = replace(attempts, **labels(self.world.lift_test(attempts)))
         scenes, hands = self._scenes(chunk, attempts)
         return Chunk(attempts, scenes, hands)
 
@@ -173,6 +173,7 @@ class ChunkMaker:
             **attempts.columns(),
             draw=np.full(size, chunk * self.config.draws_per_chunk + draw, np.int64),
             outcome=np.zeros(size, np.uint8),
+            held=np.zeros(size, np.uint8),
             log_weight=log_weight.astype(np.float32),
             object_log_weight=np.full(size, object_log_weight, np.float32),
         )
@@ -208,3 +209,8 @@ class ChunkMaker:
             image = self.world.render(scenes, camera, rng)
         columns = {f"camera_{name}": column for name, column in camera.actual.columns().items()}
         return SceneRecords(**scenes.columns(), draw=draws, **columns, image=to_units(image))
+
+
+def labels(verdicts: Verdicts) -> dict[str, UInt8[np.ndarray, "n"]]:
+    """Verdicts as columns of records."""
+    return {"outcome": verdicts.outcomes, "held": verdicts.held.astype(np.uint8)}

@@ -92,7 +92,7 @@ class DrawPairing:
         weight = omega[taken] / probability / len(omega) * np.exp(hands.object_log_weight)
         selection = value[taken] / probability / max(value.sum(), 1e-300)
         outcome, certain, factor = self._reach(hands, taken, rng)
-        hands = replace(hands, outcome=outcome)
+        hands = replace(hands, outcome=outcome, held=hands.held * (outcome == Outcome.SUCCESS))
         return _pad(hands, taken, weight * certain * factor, selection * certain, self.config.hands)
 
     def _select(

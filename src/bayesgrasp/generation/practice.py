@@ -27,7 +27,7 @@ from bayesgrasp.data.images import to_units
 from bayesgrasp.data.manifest import Given
 from bayesgrasp.data.schema import AttemptRecords, HandRecords, SceneRecords
 from bayesgrasp.data.shards import Chunk
-from bayesgrasp.generation.chunks import GenerateConfig, World
+from bayesgrasp.generation.chunks import GenerateConfig, World, labels
 from bayesgrasp.generation.run import Done, Recipe, Task, finish
 from bayesgrasp.geometry.hand_arrays import attempts_of
 from bayesgrasp.prior.scene import ScenePrior
@@ -114,7 +114,7 @@ class PracticeMaker:
         records = AttemptRecords(
             **attempts.columns(),
             draw=np.repeat(draw, tries),
-            outcome=self.world.lift_test(attempts),
+            **labels(self.world.lift_test(attempts)),
             log_weight=np.full(len(attempts), -np.inf, np.float32),
             object_log_weight=np.zeros(len(attempts), np.float32),
         )

@@ -56,7 +56,7 @@ class CanonicalView:
         return self.of_thinned(depth[step // 2 :: step, step // 2 :: step], camera, step)
 
     def step(self, camera: Camera) -> int:
-        """Every so many pixels of a camera, each way, are drawn: it may resolve the workspace finer than the network."""
+        """Every so many pixels of a camera, each way, are drawn: it may see the workspace finer than the network."""
         middle = np.array([0.0, 0.0, 0.05])
         finer = [one.fx / np.linalg.norm(one.pose[:3, 3] - middle) for one in (camera, self._target)]
         return max(1, int(finer[0] / finer[1] + ROUNDED_UP))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -52,6 +53,8 @@ class Grasp:
         clearance: Least distance of the open hand, on its straight way to h, from the measured points above the
             table, metres; slightly negative within the sensor's noise.
         motion: Joint angles of the arm.
+        held_probability: Estimate of p(held | i, h), that the object is also held against pushes; NaN where the model
+            does not know it.
     """
 
     hand_to_world: Pose
@@ -62,12 +65,15 @@ class Grasp:
     on_object: float
     clearance: float
     motion: Motion
+    held_probability: float = math.nan
 
     @property
     def chance(self) -> str:
-        """The success probability in words."""
-        known = np.isfinite(self.success_probability)
-        return f"estimated success {100 * self.success_probability:.0f} %" if known else "success probability unknown"
+        """The success probability in words, and where it is known that of holding against pushes."""
+        if not np.isfinite(self.success_probability):
+            return "success probability unknown"
+        held = f", held {100 * self.held_probability:.0f} %" if np.isfinite(self.held_probability) else ""
+        return f"estimated success {100 * self.success_probability:.0f} %{held}"
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data; metres, radians, quaternions (w, x, y, z)."""
@@ -76,6 +82,7 @@ class Grasp:
             "grasp_type": self.grasp_type.name.lower(),
             "log_posterior": self.log_posterior,
             "success_probability": self.success_probability if np.isfinite(self.success_probability) else None,
+            "held_probability": self.held_probability if np.isfinite(self.held_probability) else None,
             "object_between_fingers": self.on_object,
             "clearance": self.clearance if np.isfinite(self.clearance) else None,
             "in_camera_frame": _pose_to_dict(self.hand_to_camera),

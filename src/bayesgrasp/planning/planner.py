@@ -24,7 +24,7 @@ from bayesgrasp.planning.constraints import UNCONSTRAINED, ConstraintCheck, Cons
 from bayesgrasp.planning.observing import Observed, Observer, Stopwatch
 from bayesgrasp.planning.plan import Grasp, Plan
 from bayesgrasp.planning.search import SearchConfig, search
-from bayesgrasp.planning.selection import Robot, Selection, SelectionConfig
+from bayesgrasp.planning.selection import Candidates, Robot, Selection, SelectionConfig
 from bayesgrasp.posterior.importance import Weighted, estimate_evidence, weigh
 from bayesgrasp.posterior.posterior import Posterior, Seed
 from bayesgrasp.posterior.potential import LogDensity, Prior
@@ -56,12 +56,14 @@ class TrainedLikelihood:
         success_probability: From values of that log-ratio to estimates of p(S=1 | i, h).
         delivered: What plans delivered on fresh objects; None where the model does not know.
         device: Where images and hands are taken.
+        held_given_image: From the network's image to log p(held | i, h); None where the model does not know.
     """
 
     given_image: Callable[[Tensor], LogDensity]
     success_probability: Callable[[Tensor], Tensor]
     delivered: Delivered | None = None
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
+    held_given_image: Callable[[Tensor], LogDensity] | None = None
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,12 @@ class Planner:
     observer: Observer
     robot: Robot
     config: PlannerConfig = field(default_factory=PlannerConfig)
+
+    def __post_init__(self) -> None:
+        if self.config.selection.rank == "held" and self.likelihood.held_given_image is None:
+            raise InvalidConfigurationError(
+                "this model does not know how likely a grasp is to hold against pushes: rank by success or posterior"
+            )
 
     def refining_pose(self) -> Planner:
         """The same planner, which corrects tilt and height of a camera's stated pose by the table that it sees."""
@@ -206,6 +214,7 @@ class Planner:
         grasps: tuple[Grasp, ...] = ()
         if candidates is not None:
             with watch.stage("reach"):
+                candidates = self._with_held(candidates, observed)
                 selection = Selection(self.robot, observed, replace(self.config.selection, least_success=least))
                 grasps, reason = selection.select(candidates, wanted.top)
         samples = None
@@ -213,6 +222,16 @@ class Planner:
             with watch.stage("samples"):
                 samples = posterior.sample(wanted.samples, rng)
         return Plan(grasps, reason, observed, wanted.constraints, posterior, samples, watch.stop())
+
+    def _with_held(self, candidates: Candidates, observed: Observed) -> Candidates:
+        """The candidates with their probability of holding against pushes, where the model knows it."""
+        likelihood = self.likelihood
+        if likelihood.held_given_image is None:
+            return candidates
+        image = torch.from_numpy(observed.image)[None].to(likelihood.device)
+        with torch.no_grad():
+            held = likelihood.held_given_image(image)(candidates.hands.to(likelihood.device)).exp().cpu()
+        return replace(candidates, held=held)
 
     def _check(self, constraints: Constraints, observed: Observed) -> ConstraintCheck | None:
         if not constraints.limits_hands:

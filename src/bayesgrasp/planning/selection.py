@@ -9,8 +9,9 @@ likely to fail than to succeed is no grasp to execute.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 import torch
@@ -25,6 +26,8 @@ from bayesgrasp.robot.motion import MotionConfig
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
+Rank = Literal["success", "held", "posterior"]
+"""What makes one grasp better than another."""
 MOST_POINTS = 800
 """More measured points than this are thinned."""
 
@@ -56,8 +59,9 @@ class SelectionConfig:
     """What makes a grasp executable and distinct, and which is better.
 
     Attributes:
-        rank: By estimated success probability, ties broken by the log posterior; or by the log posterior alone.
-        tie: Success probabilities that differ by no more than this are a tie.
+        rank: By estimated success probability or by that of holding against pushes, ties broken by the log posterior;
+            or by the log posterior alone.
+        tie: Probabilities that differ by no more than this are a tie.
         least_success: Grasps of a lower success probability are refused; an unknown one is not.
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
@@ -66,7 +70,7 @@ class SelectionConfig:
         space: The metric.
     """
 
-    rank: Literal["success", "posterior"] = "success"
+    rank: Rank = "success"
     tie: float = 0.001
     least_success: float = 0.5
     distinct: float = 0.2
@@ -76,8 +80,8 @@ class SelectionConfig:
     space: GraspSpace = field(default_factory=GraspSpace)
 
     def __post_init__(self) -> None:
-        if self.rank not in ("success", "posterior"):
-            raise InvalidConfigurationError(f"grasps are ranked by success or posterior, not by {self.rank!r}")
+        if self.rank not in get_args(Rank):
+            raise InvalidConfigurationError(f"grasps are ranked by {', '.join(get_args(Rank))}, not by {self.rank!r}")
         if min(self.tie, self.distinct, self.penetration, self.standoff) < 0 or self.cutting_points < 1:
             raise InvalidConfigurationError(
                 "need tie, distinct, penetration and standoff >= 0, and cutting_points >= 1"
@@ -94,18 +98,21 @@ class Candidates:
         hands: In the workspace frame.
         log_posterior: log p(h | S=1, i) of each, nats.
         probability: Estimate of p(S=1 | i, h) of each.
+        held: Estimate of p(held | i, h) of each; None where the model does not know.
     """
 
     hands: Hands
     log_posterior: Float[Tensor, "n"]
     probability: Float[Tensor, "n"]
+    held: Float[Tensor, "n"] | None = None
 
     def ranked(self, config: SelectionConfig) -> list[int]:
         """Indices of the hands, best first; what is not a number counts as the worst."""
         by_posterior = self.log_posterior.nan_to_num(nan=-torch.inf).argsort(descending=True)
         if config.rank == "posterior":
             return list(by_posterior.tolist())
-        level = _levels(self.probability, config.tie)[by_posterior]
+        by = self.held if config.rank == "held" and self.held is not None else self.probability
+        level = _levels(by, config.tie)[by_posterior]
         return list(by_posterior[level.argsort(stable=True)].tolist())
 
 
@@ -186,6 +193,7 @@ class Selection:
             float(between.mean()),
             clearance,
             motion,
+            math.nan if candidates.held is None else float(candidates.held[index]),
         )
 
     def _clearance(self, hand_to_workspace: Pose, grasp_type: GraspType) -> float | None:

@@ -1,10 +1,10 @@
-"""p(S = 1 | i, h) from local evidence: what the image says at points that move with the hand.
+"""p(S = 1 | i, h), and p(held | i, h), from local evidence: what the image says at points that move with the hand.
 
     image -> height above the table, validity, world coordinates of every pixel
           -> convolutions down to 1/16 and back up to 1/2 of the resolution -> map of C channels, and one global vector
     hand  -> points in its closing region -> signed depth against the measured surface, and against M learned
              surfaces behind it (where the object ends, unseen); learned features at the same pixels
-    all   -> fully connected layers -> logit
+    all   -> fully connected layers -> logit of success, and one of holding against pushes
 
 One view shows only the front of an object, so a point behind the surface is either inside the object or in its
 shadow. The learned surfaces are offsets of the measured one that the convolutions predict for each pixel; the head
@@ -20,7 +20,7 @@ import torch.nn.functional as F  # noqa: N812
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
 from bayesgrasp.ratio.estimators import check_head
 from bayesgrasp.ratio.evidence import HandPoints, PointsConfig, View, sample
 from bayesgrasp.ratio.fused.local_head import LocalHead
@@ -51,6 +51,7 @@ class LocalConfig:
         every: They are looked up at every so many points, the surfaces at all of them.
         vector: Length of the global vector.
         widths: Widths of the hidden layers of the head.
+        held: A second output, the logit of p(held | i, h): that the grasp also holds the object against pushes.
         window: Part of the image that the convolutions see: top, left, height, width, pixels; all of it if None. Depths
             are looked up in the whole image.
     """
@@ -64,6 +65,7 @@ class LocalConfig:
     vector: int = 64
     widths: tuple[int, ...] = (192, 192, 96)
     window: Window | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         check_head(self.widths)
@@ -125,7 +127,7 @@ class LocalEncoder(nn.Module):
 
 
 class LocalSuccess(nn.Module):
-    """Logit of p(S = 1 | i, h) from local evidence."""
+    """Logits of p(S = 1 | i, h) and, where it was trained for that, of p(held | i, h), from local evidence."""
 
     def __init__(self, config: LocalConfig) -> None:
         super().__init__()
@@ -138,6 +140,7 @@ class LocalSuccess(nn.Module):
         looked_up = count * (len(config.evidence.scales) + config.surfaces)
         looked_up += len(range(0, count, config.every)) * config.features
         self.head = mlp((config.hand.width + looked_up, *config.widths, 1))
+        self.held = nn.Linear(config.widths[-1], 1) if config.held else None
 
     def encode(self, images: Float[Tensor, "b 1 height width"]) -> Context:
         """Everything that depends on the image alone."""
@@ -146,15 +149,32 @@ class LocalSuccess(nn.Module):
         return Context(depth, maps, self.from_image(vector))
 
     def forward(self, context: Context, hands: Hands) -> Float[Tensor, "b k"]:
-        """Logit for each image with each of its hands."""
+        """Logit of p(S=1 | i, h) for each image with each of its hands."""
         if self._can_fuse(context, hands):
             return self._fused(context).values(hands[0]).squeeze(-1)[None]
-        first, *rest = self.head
+        value: Tensor = self.head[-1](self.hidden(context, hands))
+        return value.squeeze(-1)
+
+    def both(self, context: Context, hands: Hands) -> tuple[Float[Tensor, "b k"], Float[Tensor, "b k"]]:
+        """Logits of p(S=1 | i, h) and of p(held | i, h).
+
+        Raises:
+            CheckpointError: The network has no second output.
+        """
+        if self.held is None:
+            raise CheckpointError("this model was not trained to say whether a grasp holds against pushes")
+        hidden = self.hidden(context, hands)
+        success, held = self.head[-1](hidden), self.held(hidden)
+        return success.squeeze(-1), held.squeeze(-1)
+
+    def hidden(self, context: Context, hands: Hands) -> Float[Tensor, "b k width"]:
+        """The last hidden layer, which both outputs share."""
+        first, *rest = list(self.head)[:-1]
         inputs = torch.cat([self.features(hands), self.look_up(context, hands)], -1)
         hidden: Tensor = first(inputs) + context.vector[:, None]
         for layer in rest:
             hidden = layer(hidden)
-        return hidden.squeeze(-1)
+        return hidden
 
     def look_up(self, context: Context, hands: Hands) -> Float[Tensor, "b k n"]:
         """Local evidence of each hand."""

@@ -4,6 +4,7 @@
     image           log r(i | S=1, h) + log r(S=1 | h)      = log r(S=1, i | h)    (paper, eq. 4)
     joint           log r(S=1, i | h) by one network: the ablation
     success_ratio   log r(S=1 | h), no image
+    held            log p(held | i, h), a second output of ``success``
     full            log p(S=1 | O, p_O, beta, mu, h)        = log r(S=1, O, p_O, beta, mu | h) + a constant in h
 
 Each is a function of hands of any batch shape, differentiable in position and rotation.
@@ -47,6 +48,19 @@ class SuccessGivenImage:
         """Log success probability times the power, which is the log-ratio up to a constant in h."""
         logit: Tensor = self.estimator(self.context, as_row(hands))
         return self.power * F.logsigmoid(logit.reshape(hands.shape))
+
+
+@dataclass(frozen=True)
+class HeldGivenImage:
+    """log p(held | i, h) for one image."""
+
+    estimator: Any
+    context: Any
+
+    def log_probability(self, hands: Hands) -> Float[Tensor, "*batch"]:
+        """Log probability that the grasp lifts the object and holds it against pushes."""
+        _, held = self.estimator.both(self.context, as_row(hands))
+        return F.logsigmoid(held.reshape(hands.shape))
 
 
 @dataclass(frozen=True)
@@ -145,6 +159,19 @@ class GraspModel:
             return JointGivenImage(self.estimators["joint"], self._encode("joint", image)).log_ratio
         parts = self._role("image"), self._role("success_ratio")
         return FactorisedRatio(*parts, self._encode("image", image)).log_ratio
+
+    @property
+    def holds(self) -> bool:
+        """Whether the model says how likely a grasp is to hold against pushes."""
+        return getattr(self.estimators.get("success"), "held", None) is not None
+
+    def held_given_image(self, image: Float[Tensor, "1 height width"]) -> LogRatio:
+        """Log p(held | i, h) as a function of h; image as for `given_image`.
+
+        Raises:
+            CheckpointError: The model has no estimator for it.
+        """
+        return HeldGivenImage(self._role("success"), self._encode("success", image)).log_probability
 
     def given_success(self) -> LogRatio:
         """Log r(S=1 | h)."""

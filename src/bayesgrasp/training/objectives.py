@@ -58,7 +58,9 @@ class RatioSamples:
 
 @dataclass(frozen=True)
 class SuccessObjective:
-    """Cross-entropy of S for the estimators of p(S = 1 | ., h).
+    """Cross-entropy of S for the estimators of p(S = 1 | ., h), and of holding for those that have an output for it.
+
+    "Held" is a label of every hand, 0 where the object was not even lifted, so p(held | i, h) is learned directly.
 
     Attributes:
         emphasis: Successes weigh this much more in the loss; the logit is corrected for it, so the minimiser stays.
@@ -72,17 +74,22 @@ class SuccessObjective:
 
     def loss(self, estimator: Any, batch: Batch, rng: torch.Generator) -> Tensor:
         """Loss of a `success` or `full` estimator."""
-        return self.cross_entropy(self.logit(estimator, batch), batch)
+        if getattr(estimator, "held", None) is None:
+            return self.cross_entropy(self.logit(estimator, batch), batch.success, batch)
+        success, held = estimator.both(estimator.encode(batch.images), batch.hands)
+        return self.cross_entropy(success, batch.success, batch) + self.cross_entropy(held, batch.held, batch)
 
     def logit(self, estimator: Any, batch: Batch) -> Tensor:
         """Logits of p(S=1 | i, h), (b, k)."""
         value: Tensor = estimator(estimator.encode(batch.images), batch.hands)
         return value
 
-    def cross_entropy(self, logit: Float[Tensor, "b k"], batch: Batch) -> Float[Tensor, ""]:
-        """Emphasised cross-entropy, given the logits of p(S = 1 | ., h)."""
-        weight = batch.selection_weight * (1.0 + (self.emphasis - 1.0) * batch.success)
-        return success_loss(logit.float() + math.log(self.emphasis), batch.success, weight)
+    def cross_entropy(
+        self, logit: Float[Tensor, "b k"], label: Float[Tensor, "b k"], batch: Batch
+    ) -> Float[Tensor, ""]:
+        """Emphasised cross-entropy, given the logits of p(label = 1 | ., h)."""
+        weight = batch.selection_weight * (1.0 + (self.emphasis - 1.0) * label)
+        return success_loss(logit.float() + math.log(self.emphasis), label, weight)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """What is trained: the estimators of each preset with their objectives and schedules.
 
     paper   d_phi and d_theta as the paper describes them; every width and schedule that it leaves open is here
-    best    p(S=1 | i, h) from local evidence, and r(S | h) by way of p(S=1 | h), which may learn from practice
+    best    p(S=1 | i, h) and p(held | i, h) by one network from local evidence, and r(S | h) by way of p(S=1 | h); they
+            may learn from practice
 
 Both may be followed by the full-observation estimator (the ideal rows of the paper's table); the joint ratio is the
 ablation that the paper argues against.
@@ -107,7 +108,7 @@ def preset(
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
     else:
-        local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window)
+        local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window, held=True)
         success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects, octaves=2, modulated=True)
     parts = {

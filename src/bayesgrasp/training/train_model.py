@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.kinds import build
@@ -88,7 +88,7 @@ def _train_part(
     def begin() -> nn.Module:
         estimator = build(part.kind, part.config)
         if start is not None:
-            load_weights(estimator, start.state_dict(), f"the {part.role} estimator to start from")
+            load_weights(estimator, _weights_for(estimator, start), f"the {part.role} estimator to start from")
         return estimator
 
     return train_estimator(
@@ -101,6 +101,15 @@ def _train_part(
         resume=True,
         callback=None if callback is None else lambda progress: callback(part, progress),
     )
+
+
+def _weights_for(estimator: nn.Module, start: nn.Module) -> dict[str, Tensor]:
+    """The weights of a trained estimator; an output for holding that it does not have begins as that for success."""
+    weights = dict(start.state_dict())
+    if getattr(estimator, "held", None) is not None and "held.weight" not in weights:
+        head: nn.Sequential = start.head  # type: ignore[assignment]
+        weights |= {f"held.{name}": value for name, value in head[-1].state_dict().items()}
+    return weights
 
 
 def _metrics(part: Part, sources: Sources, result: Result) -> dict[str, Any]:

@@ -55,8 +55,9 @@ def load_planner(
     familiarity = trained.card.get("familiarity")
     known = None if familiarity is None else Familiarity.from_dict(familiarity)
     delivery = trained_delivery(trained.card)
+    held = trained.held_given_image if trained.holds else None
     return Planner(
-        TrainedLikelihood(trained.given_image, success_probability(trained, delivery), delivery, where),
+        TrainedLikelihood(trained.given_image, success_probability(trained, delivery), delivery, where, held),
         trained_prior(trained.card),
         Observer(CanonicalView().of, SurfaceReader(network_camera()), known),
         Robot(OpenHand(gripper), ArmOverTable(ur5(), gripper)),
