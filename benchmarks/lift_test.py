@@ -21,6 +21,7 @@ import tyro
 from bayesgrasp.diagnostics.intervals import wilson
 from bayesgrasp.files import write_json
 from bayesgrasp.generation.trials import CHUNK, Simulation, Trials
+from bayesgrasp.lift.execution import Asked, execute
 from bayesgrasp.lift.lift_config import LiftTestConfig
 from bayesgrasp.lift.lift_test import LiftTest
 from bayesgrasp.objects.catalogue import load_objects
@@ -101,23 +102,27 @@ def engines(objects: tuple[ObjectAsset, ...], attempts: int, seed: int) -> dict[
 
 
 def physics_cost(objects: tuple[ObjectAsset, ...], seed: int, config: LiftTestConfig) -> tuple[float, float]:
-    """Steps per second of processor time while hands close on objects and lift them, and its seconds per attempt."""
+    """Steps per second of processor time while hands close on objects and lift them, and its seconds per attempt.
+
+    All of the motion is played.
+    """
     attempts = Simulation(objects, seed, number=1).attempts(range(1000))
     outcomes = LiftTest(objects).run(attempts)
     touched = np.flatnonzero((outcomes == Outcome.SUCCESS) | (outcomes == Outcome.DROPPED))[:30]
     lift_test = LiftTest(objects, config)
-    lift_test.run(attempts[touched])  # compiles models
+    bound = lift_test.benches.bind(attempts[touched], Asked())
+    whole = [(one, motion) for one in map(bound.__getitem__, range(len(bound))) if (motion := one.motion) is not None]
     periods = [0]
 
     def count(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         periods[0] += 1
 
     start = process_time()
-    for row in touched:
-        lift_test.observe(attempts[[row]], count)
+    for one, motion in whole:
+        execute(one.bench.rig, one.attempt, motion, config.lift, Asked(observe=count, ends_early=False))
     seconds = process_time() - start
     step = config.physics.time_step if config.engine == "mujoco" else config.bullet.time_step
-    return periods[0] * config.lift.control_period / step / seconds, seconds / len(touched)
+    return periods[0] * config.lift.control_period / step / seconds, seconds / len(whole)
 
 
 if __name__ == "__main__":
