@@ -95,3 +95,18 @@ def test_fetch_reports_every_failure(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "025_mug_google_16k.tgz" in str(failed.value)
     assert "024_bowl_google_16k.tgz" in str(failed.value)
     assert "0 of 2 scans" in capsys.readouterr().out
+
+
+def test_show_draws_all_objects_of_a_split(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "things.png"
+    show(split="procedural:5@3", out=target)
+    assert "objects      5, " in capsys.readouterr().out
+    with Image.open(target) as picture:
+        assert picture.size == (3 * 154, 2 * 154)
+
+
+def test_show_refuses_what_it_cannot_draw() -> None:
+    with pytest.raises(AssetError, match="--split goes with none of ID, --mesh and --mass"):
+        show("household_egg", split="procedural:5@3")
+    with pytest.raises(AssetError, match="'procedural:500@3' is 500 objects; at most 400"):
+        show(split="procedural:500@3")

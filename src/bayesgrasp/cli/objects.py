@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import ceil, sqrt
 from pathlib import Path
+from statistics import median
 from typing import Annotated, Literal
 
+import numpy as np
 import tyro
+from jaxtyping import UInt8
 from PIL import Image
 
 from bayesgrasp.cli.progress import downloading
-from bayesgrasp.errors import AssetError
+from bayesgrasp.errors import AssetError, clipped
 from bayesgrasp.files import check_target, write_json, write_through
 from bayesgrasp.meshes.decompose import PRESETS
 from bayesgrasp.meshes.deviation import deviation
 from bayesgrasp.meshes.mesh import Mesh
 from bayesgrasp.objects import ycb
-from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.catalogue import load_objects, object_ids
 from bayesgrasp.objects.fetch import FetchConfig
 from bayesgrasp.objects.fetch import fetch as fetch_one
 from bayesgrasp.objects.listing import Summary, summarise
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.viewer.object_picture import object_picture
+from bayesgrasp.viewer.object_picture import object_picture, objects_picture
+
+MOST_DRAWN = 400
+"""Objects in one picture."""
 
 
 def list_objects(split: str = "all", ycb_dir: Path | None = None, json: Path | None = None) -> None:
@@ -46,9 +53,10 @@ def show(
     mesh: Path | None = None,
     mass: float | None = None,
     convex: Literal["default", "paper"] = "default",
+    split: str | None = None,
     out: Path | None = None,
 ) -> None:
-    """Describe one object and draw it, its mesh and its convex parts.
+    """Describe one object and draw it, its mesh and its convex parts, or draw all objects of a split.
 
     Args:
         id: Which object, as `bayesgrasp objects list` names it.
@@ -56,14 +64,31 @@ def show(
         mesh: A mesh file of your own instead (.ply, .stl, .obj, .off), in metres with z upwards.
         mass: Its mass in kilograms.
         convex: How the mesh is cut into convex parts: by CoACD (default) or by V-HACD (paper).
-        out: The picture, .png; by default <id>.png here.
+        split: Draw these objects instead, at most 400, as `bayesgrasp objects list` takes them.
+        out: The picture, .png; by default <id>.png, or objects.png, here.
     """
+    if split is not None:
+        _show_all(_several(id, mesh, mass, split, ycb_dir, convex), out or Path("objects.png"))
+        return
     asset = _one(id, ycb_dir, mesh, mass, convex)
     target = out or Path(f"{asset.id}.png")
     check_target(target)
     print("\n".join(_description(asset)))
-    picture = Image.fromarray(object_picture(asset))
-    write_through(target, lambda file: picture.save(file, format="PNG"))
+    _save(object_picture(asset), target)
+
+
+def _show_all(assets: tuple[ObjectAsset, ...], target: Path) -> None:
+    check_target(target)
+    masses, sides = [asset.mass_kg for asset in assets], [1000 * float(asset.extents.max()) for asset in assets]
+    print(f"objects      {len(assets)}, {sum(len(asset.parts) for asset in assets) / len(assets):.1f} parts each")
+    print(f"mass         {min(masses):.3f} to {max(masses):.3f} kg, half of them below {median(masses):.3f}")
+    print(f"length       {min(sides):.0f} to {max(sides):.0f} mm, half of them below {median(sides):.0f}")
+    _save(objects_picture(assets, ceil(sqrt(len(assets)))), target)
+
+
+def _save(picture: UInt8[np.ndarray, "h w 3"], target: Path) -> None:
+    image = Image.fromarray(picture)
+    write_through(target, lambda file: image.save(file, format="PNG", optimize=True))
     print(f"picture      {target}")
 
 
@@ -110,6 +135,16 @@ def _one(id: str | None, ycb_dir: Path | None, mesh: Path | None, mass: float | 
         )
     found = load_objects([id] if id is not None else (), ycb_dir, mesh, mass, PRESETS[convex])
     return found[0]
+
+
+def _several(
+    id: str | None, mesh: Path | None, mass: float | None, split: str, ycb_dir: Path | None, convex: str
+) -> tuple[ObjectAsset, ...]:
+    if id is not None or mesh is not None or mass is not None:
+        raise AssetError("name one object, or a file, or a split: --split goes with none of ID, --mesh and --mass")
+    if (count := len(object_ids(split, ycb.directory(ycb_dir)))) > MOST_DRAWN:
+        raise AssetError(f"'{clipped(split, 60)}' is {count} objects; at most {MOST_DRAWN} are drawn in one picture")
+    return load_objects(split, ycb_dir, convex=PRESETS[convex])
 
 
 def _table(summaries: list[Summary]) -> list[str]:

@@ -1,8 +1,9 @@
-"""A picture of one object as it is drawn and as it collides: its mesh above, its convex parts in colours below."""
+"""Pictures of objects: one as it is drawn above and as it collides below, or many, their convex parts in colours."""
 
 from __future__ import annotations
 
 import colorsys
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import UInt8
@@ -12,6 +13,7 @@ from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.viewer.raycast import ColoredMesh, contact_sheet, render
 
 VIEWS = ((35.0, 20.0), (125.0, 20.0), (35.0, 65.0))  # azimuth and elevation, degrees
+SHEET_VIEW = (35.0, 35.0)
 GOLDEN_RATIO = 0.618034
 _CLAY = (0.80, 0.72, 0.60)
 _TABLE = (0.55, 0.58, 0.62)
@@ -21,9 +23,19 @@ def object_picture(asset: ObjectAsset, size: int = 320) -> UInt8[np.ndarray, "h 
     """Two rows of views: the mesh, then the convex parts, each on a piece of table; ``size`` is one view's edge."""
     table = _table(asset)
     mesh = [table, ColoredMesh(asset.vertices, asset.faces, _CLAY)]
-    parts = [table, *(ColoredMesh(p.vertices, p.faces, _color(i)) for i, p in enumerate(asset.parts))]
+    parts = [table, *_parts(asset)]
     cameras = [_camera(asset, azimuth, elevation, size) for azimuth, elevation in VIEWS]
     return contact_sheet([render(scene, camera) for scene in (mesh, parts) for camera in cameras], columns=len(VIEWS))
+
+
+def objects_picture(assets: Sequence[ObjectAsset], columns: int, size: int = 150) -> UInt8[np.ndarray, "h w 3"]:
+    """The convex parts of objects, row by row, each as large as its square of edge ``size`` allows."""
+    scenes = [([_table(asset), *_parts(asset)], _camera(asset, *SHEET_VIEW, size)) for asset in assets]
+    return contact_sheet([render(scene, camera) for scene, camera in scenes], columns)
+
+
+def _parts(asset: ObjectAsset) -> list[ColoredMesh]:
+    return [ColoredMesh(part.vertices, part.faces, _color(index)) for index, part in enumerate(asset.parts)]
 
 
 def _camera(asset: ObjectAsset, azimuth: float, elevation: float, size: int) -> Camera:
