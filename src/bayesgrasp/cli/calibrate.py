@@ -18,7 +18,7 @@ CONFIDENCES = (0.8, 0.9, 0.95, 0.98, 0.99)
 def calibrate(
     model: Path,
     out: Path,
-    objects: Objects = ObjectSet("procedural:1000@7"),  # noqa: B008 - frozen
+    objects: Objects = ObjectSet("procedural:1000@77"),  # noqa: B008 - frozen
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     resume: bool = False,

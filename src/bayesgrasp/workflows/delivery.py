@@ -70,7 +70,7 @@ class DeliveryJob:
         if met := [asset.id for asset in self.objects if asset.id in known]:
             raise InvalidConfigurationError(
                 f"{len(met)} of the objects were trained with ({', '.join(met[:3])}): what is promised for them says "
-                "nothing of fresh ones; take others, as procedural:1000@7"
+                "nothing of fresh ones; take others, as procedural:1000@77"
             )
         if len(self.objects) < FEWEST:
             raise InvalidConfigurationError(
