@@ -12,7 +12,7 @@ def test_the_small_experiment_climbs_the_ladder(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from bayesgrasp.cli.main import main; main()", *words]
     subprocess.run(command, check=True, capture_output=True)
     summary = json.loads((tmp_path / "small" / "benchmark-stand-ins" / "summary.json").read_text())
-    ladder = ("prior_sample", "map_metric", "map_image", "map_full")
+    ladder = ("prior_sample", "map_success_ratio", "map_image", "map_full")
     rates = [summary["strategies"][name]["success_rate"] for name in ladder]
     assert rates == sorted(rates)
     assert len(set(rates)) == len(rates), rates

@@ -10,7 +10,8 @@ from untrained_model import save_untrained
 
 from bayesgrasp.cli.main import main
 
-OPTIONS = ("--split", "household_tea_box", "--strategies", "top_down", "mle_metric", "--seed", "2", "--workers", "1")
+CHOSEN = ("--strategies", "top_down", "mle_success_ratio")
+OPTIONS = ("--split", "household_tea_box", *CHOSEN, "--seed", "2", "--workers", "1")
 
 
 @pytest.fixture(scope="module")

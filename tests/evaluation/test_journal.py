@@ -40,6 +40,15 @@ def test_a_run_goes_on_after_a_torn_line(tmp_path: Path, result: Make) -> None:
     assert (tmp_path / FILE).read_text() == whole
 
 
+def test_a_run_with_the_former_names_of_strategies_goes_on(tmp_path: Path, result: Make) -> None:
+    former, now = ({**IDENTITY, "strategies": [f"map_{kind}"]} for kind in ("metric", "success_ratio"))
+    Journal(tmp_path, former, resume=False).add(result(0, {"map_metric": "success"}))
+    resumed = Journal(tmp_path, now, resume=True)
+    assert list(resumed.results[0].trials) == ["map_success_ratio"]
+    with pytest.raises(DataError, match="strategies differ"):
+        Journal(tmp_path, {**IDENTITY, "strategies": ["map_image"]}, resume=True)
+
+
 def test_a_run_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     Journal(tmp_path, IDENTITY, resume=False)
     with pytest.raises(DataError, match="--resume"):

@@ -17,7 +17,7 @@ from bayesgrasp.ratio.card import read_card
 from bayesgrasp.types import Outcome
 from bayesgrasp.workflows.evaluate import ModelContestants
 
-QUICK = ("prior_sample", "mle_metric", "map_full", "top_down")
+QUICK = ("prior_sample", "mle_success_ratio", "map_full", "top_down")
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from bayesgrasp.posterior.ascent import AscentConfig
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.workflows.evaluate import ModelContestants
 
-KNOWS_NOTHING = ("prior_sample", "prior_argmax", "mle_metric", "map_metric")
+KNOWS_NOTHING = ("prior_sample", "prior_argmax", "mle_success_ratio", "map_success_ratio")
 OF_THE_IMAGE = ("mle_image", "map_image", "top_down", "plan")
 OF_THE_OBJECT = ("mle_full", "map_full", "force_closure")
 
@@ -25,7 +25,7 @@ OF_THE_OBJECT = ("mle_full", "map_full", "force_closure")
 @pytest.fixture(scope="module")
 def benchmark(objects: tuple[ObjectAsset, ...], untrained: Path) -> Benchmark:
     search = SearchConfig(50, AscentConfig(steps=2))
-    strategies = ("mle_metric", "map_image", "map_full", "top_down")
+    strategies = ("mle_success_ratio", "map_image", "map_full", "top_down")
     return Benchmark(objects, ModelContestants(untrained).load, strategies, seed=5, search=search)
 
 

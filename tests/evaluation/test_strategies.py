@@ -65,7 +65,7 @@ def test_every_row_of_the_table_is_there(model: GraspModel) -> None:
     assert tuple(model_strategies(model, PRIOR, SEARCH)) == LADDER
 
 
-@pytest.mark.parametrize("name", ["mle_metric", "map_metric"])
+@pytest.mark.parametrize("name", ["mle_success_ratio", "map_success_ratio"])
 def test_metric_strategies_find_the_peak_of_their_ratio(model: GraspModel, scenes: SceneMaker, name: str) -> None:
     torch.testing.assert_close(choose(model, name, scenes).position[0], FIXED, atol=2e-3, rtol=0)
 
@@ -88,13 +88,13 @@ def test_only_the_map_minds_the_prior_of_rotations(model: GraspModel, scenes: Sc
     mode = choose(model, "prior_argmax", scenes)
     best = PRIOR.log_prob(mode).item()
     assert best >= PRIOR.log_prob(PRIOR.sample(2000, np.random.default_rng(1))).max().item()
-    assert PRIOR.log_prob(choose(model, "map_metric", scenes)).item() == pytest.approx(best, abs=0.05)
-    assert PRIOR.log_prob(choose(model, "mle_metric", scenes)).item() < best - 0.5
+    assert PRIOR.log_prob(choose(model, "map_success_ratio", scenes)).item() == pytest.approx(best, abs=0.05)
+    assert PRIOR.log_prob(choose(model, "mle_success_ratio", scenes)).item() < best - 0.5
 
 
 def test_missing_estimators_are_named() -> None:
     assert missing("map_full", ("success_ratio", "success")) == "the model has no full-observation estimator"
-    assert missing("mle_metric", ("success",)) is not None
+    assert missing("mle_success_ratio", ("success",)) is not None
     assert missing("map_image", ("success_ratio",)) is not None
     assert missing("map_image", ("success_ratio", "image")) is None
     assert missing("plan", ("success",)) is None

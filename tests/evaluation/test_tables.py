@@ -25,10 +25,10 @@ def results(result: Make) -> list[SceneResult]:
     image = ("success", "success", "success", "unreachable")
     metric = ("success", "dropped", "collision", "unreachable")
     made = [
-        result(n, {"map_metric": m, "map_image": i, "map_full": "success"}, "mug")
+        result(n, {"map_success_ratio": m, "map_image": i, "map_full": "success"}, "mug")
         for n, (m, i) in enumerate(zip(metric, image, strict=True))
     ]
-    return [*made, result(4, {"map_metric": "dropped", "map_image": "success"}, "new")]
+    return [*made, result(4, {"map_success_ratio": "dropped", "map_image": "success"}, "new")]
 
 
 def test_every_strategy_has_a_label_and_the_paper_has_eight_rows() -> None:
@@ -52,7 +52,7 @@ def test_rates_intervals_and_counts(results: list[SceneResult]) -> None:
 
 def test_differences_are_paired(results: list[SceneResult]) -> None:
     (worth, full, *_) = summarize(results)["differences"]
-    assert (worth["first"], worth["second"]) == ("map_image", "map_metric")
+    assert (worth["first"], worth["second"]) == ("map_image", "map_success_ratio")
     assert worth["difference"] == pytest.approx(0.6)
     gains = np.array([0, 1, 1, 0, 1])
     assert worth["interval"] == pytest.approx(paired_difference(gains > 0, gains < 0)[1])

@@ -16,7 +16,7 @@ from bayesgrasp.evaluation.shifts import NONE
 from bayesgrasp.evaluation.tables import LABELS, PAPER_ATTEMPTS
 from bayesgrasp.posterior.potential import Prior
 
-PER_OBJECT = ("map_metric", "map_image", "map_full", "plan", "top_down", "force_closure")
+PER_OBJECT = ("map_success_ratio", "map_image", "map_full", "plan", "top_down", "force_closure")
 COLORS = ("0.6", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown")
 
 

@@ -24,6 +24,8 @@ LARGEST = 1024 * MIB
 """Bytes; a scene has about two thousand."""
 NO_PLAN = "no_plan"
 """The outcome of a strategy that declined to grasp; otherwise an `Outcome` in lower case."""
+FORMER = {"mle_metric": "mle_success_ratio", "map_metric": "map_success_ratio"}
+"""Strategies that had other names: a journal that has those is read, and gone on with, under the new ones."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class Journal:
         whole, _, torn = text.rpartition("\n")
         if torn:
             write_text(self.path, whole + "\n" if whole else "")
-        lines = whole.split("\n")
+        lines = _as_named_now(whole).split("\n")
         try:
             found = dict(parsed_json(lines[0])["identity"])
             results = [SceneResult.from_line(line) for line in lines[1:]]
@@ -146,6 +148,13 @@ class Journal:
 
     def _append(self, line: str) -> None:
         append(self.path, f"{line}\n".encode())
+
+
+def _as_named_now(text: str) -> str:
+    """The lines of a journal with the names that strategies have now."""
+    for former, name in FORMER.items():
+        text = text.replace(f'"{former}"', f'"{name}"')
+    return text
 
 
 def _differences(left: Mapping[str, Any], right: Mapping[str, Any]) -> Sequence[str]:

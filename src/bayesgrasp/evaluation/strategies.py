@@ -1,10 +1,10 @@
 """The strategies of the paper's table (section 4.2), as potentials for one and the same search.
 
-    prior_sample    h ~ p(h)
-    prior_argmax    argmax p(h)
-    mle_metric      argmax p(S=1 | h)                    map_metric   argmax p(h | S=1)
-    mle_image       argmax p(S=1, i | h)                 map_image    argmax p(h | S=1, i)
-    mle_full        argmax p(S=1, O, p_O, beta, mu | h)  map_full     argmax p(h | S=1, O, p_O, beta, mu)
+    prior_sample       h ~ p(h)
+    prior_argmax       argmax p(h)
+    mle_success_ratio  argmax p(S=1 | h)                    map_success_ratio  argmax p(h | S=1)
+    mle_image          argmax p(S=1, i | h)                 map_image          argmax p(h | S=1, i)
+    mle_full           argmax p(S=1, O, p_O, beta, mu | h)  map_full           argmax p(h | S=1, O, p_O, beta, mu)
 
 A likelihood is maximised inside the prior's box of positions, where alone its estimator is defined; the prior's density
 of rotations and types is what it leaves out. The image rows use the model's image posterior, whichever it holds
@@ -42,10 +42,10 @@ from bayesgrasp.ratio.model import GraspModel, route_given_image
 from bayesgrasp.types import Hands
 
 PRIOR = ("prior_sample", "prior_argmax")
-METRIC = ("mle_metric", "map_metric")
+SUCCESS_RATIO = ("mle_success_ratio", "map_success_ratio")
 IMAGE = ("mle_image", "map_image")
 FULL = ("mle_full", "map_full")
-LADDER = (*PRIOR, *METRIC, *IMAGE, *FULL)
+LADDER = (*PRIOR, *SUCCESS_RATIO, *IMAGE, *FULL)
 BASELINES = ("top_down", "force_closure")
 STRATEGIES = (*LADDER, *BASELINES, "plan")
 SEES_IMAGE = (*IMAGE, "top_down", "plan")
@@ -95,7 +95,7 @@ class SearchConfig:
 
 def missing(name: str, roles: Sequence[str]) -> str | None:
     """What a model with these estimators lacks for a strategy, in words; None where nothing."""
-    if name in METRIC and "success_ratio" not in roles:
+    if name in SUCCESS_RATIO and "success_ratio" not in roles:
         return "the model has no success_ratio estimator, r(S=1 | h)"
     if (name in IMAGE or name == "plan") and route_given_image(roles) is None:
         return "the model has no estimator of p(S=1, i | h)"
@@ -113,7 +113,7 @@ def model_strategies(model: GraspModel, prior: Prior, search: SearchConfig) -> d
     """The eight rows of the table by name; each needs the estimators that `missing` looks for."""
     meshes = {name: index for index, name in enumerate(model.card.get("objects", ()))}
     ratios: dict[str, Callable[[Situation], LogDensity]] = {
-        "metric": lambda situation: model.given_success(),
+        "success_ratio": lambda situation: model.given_success(),
         "image": lambda situation: model.given_image(torch.from_numpy(situation.image)[None]),
         "full": lambda situation: _given_object(model, meshes, situation),
     }

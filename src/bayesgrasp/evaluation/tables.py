@@ -22,8 +22,8 @@ from bayesgrasp.evaluation.strategies import STRATEGIES
 PAPER: dict[str, dict[str, float]] = {
     "prior_sample": {"train": 0.008},
     "prior_argmax": {"train": 0.006},
-    "mle_metric": {"train": 0.43},
-    "map_metric": {"train": 0.44},
+    "mle_success_ratio": {"train": 0.43},
+    "map_success_ratio": {"train": 0.44},
     "mle_image": {"train": 0.64, "unseen": 0.71},
     "map_image": {"train": 0.71, "unseen": 0.75},
     "mle_full": {"train": 0.80},
@@ -34,8 +34,8 @@ PAPER_ATTEMPTS = 1000
 LABELS = {
     "prior_sample": "h ~ p(h)",
     "prior_argmax": "argmax p(h)",
-    "mle_metric": "argmax p(S=1 \\| h)",
-    "map_metric": "argmax p(h \\| S=1)",
+    "mle_success_ratio": "argmax p(S=1 \\| h)",
+    "map_success_ratio": "argmax p(h \\| S=1)",
     "mle_image": "argmax p(S=1, i \\| h)",
     "map_image": "argmax p(h \\| S=1, i)",
     "mle_full": "argmax p(S=1, O, p_O, beta, mu \\| h)",
@@ -45,7 +45,7 @@ LABELS = {
     "plan": "the planner: best grasp within reach",
 }
 COMPARISONS = (
-    ("map_image", "map_metric", "what the image is worth"),
+    ("map_image", "map_success_ratio", "what the image is worth"),
     ("map_full", "map_image", "what full observation would add"),
     ("map_image", "mle_image", "what the prior is worth, with the image"),
     ("map_image", "top_down", "over the first baseline"),

@@ -4,39 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from bayesgrasp.planning.constraints import Constraints
 from bayesgrasp.planning.observing import Observed, Pose
 from bayesgrasp.posterior.posterior import Posterior
 from bayesgrasp.posterior.sampling import PosteriorSample
+from bayesgrasp.robot.motion import Motion
 from bayesgrasp.types import GraspType
-
-JointPath = Float64[np.ndarray, "waypoints joints"]
-
-
-@runtime_checkable
-class Motion(Protocol):
-    """Joint angles (radians) of a whole grasp: to the pre-grasp, straight to h, and straight up after closing."""
-
-    @property
-    def transit(self) -> JointPath:
-        """From home to the pre-grasp."""
-        ...
-
-    @property
-    def approach(self) -> JointPath:
-        """From the pre-grasp straight to h."""
-        ...
-
-    @property
-    def lift(self) -> JointPath:
-        """From h straight up."""
-        ...
 
 
 @dataclass(frozen=True)

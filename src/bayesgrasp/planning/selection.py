@@ -21,8 +21,8 @@ from torch import Tensor
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.grasp_space import GraspSpace
 from bayesgrasp.planning.observing import Observed, Pose
-from bayesgrasp.planning.plan import Grasp, Motion
-from bayesgrasp.robot.motion import MotionConfig
+from bayesgrasp.planning.plan import Grasp
+from bayesgrasp.robot.motion import Motion, MotionConfig
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.types import GraspType, Hands
 
