@@ -61,6 +61,12 @@ def batch(hands: Hands, success: Tensor, weight: Tensor, images: Tensor) -> Batc
     return Batch(Hands(position, rotation, types), s, w, w, images, index, ones, zeros, torch.ones_like(w), s)
 
 
+def successful_hands(n: int, rng: np.random.Generator) -> Hands:
+    """From p(h | S=1), without the images that `sample_successes` draws as well."""
+    index = rng.choice(len(PROBLEM.poses), size=n, p=torch.softmax(PROBLEM.grasp.log_evidence, -1).numpy())
+    return PROBLEM.grasp.sample_hands(index, rng)
+
+
 def successes(rng: np.random.Generator) -> Batch:
     """(i, h) from p(i, h | S=1)."""
     draws = PROBLEM.sample_successes(256, rng)
@@ -78,9 +84,9 @@ def attempts(rng: np.random.Generator) -> Batch:
 
 def tries(rng: np.random.Generator) -> Batch:
     """(S, i, h) with hands of one law for all images: S given (i, h) is right under any such law."""
-    scenes, each = 64, 64
+    scenes, each = 64, 32
     index = rng.integers(len(PROBLEM.poses), size=scenes)
-    some, near = PRIOR.sample(scenes * each // 4, rng), PROBLEM.sample_successes(scenes * each * 3 // 4, rng).hands
+    some, near = PRIOR.sample(scenes * each // 4, rng), successful_hands(scenes * each * 3 // 4, rng)
     hands = Hands.cat([some, near])[torch.from_numpy(rng.permutation(scenes * each))]
     chance = PROBLEM.grasp.log_success(hands).exp()[
         torch.arange(scenes * each), torch.from_numpy(np.repeat(index, each))
@@ -104,7 +110,7 @@ def models() -> dict[str, GraspModel]:
     success_ratio = fitted(
         "success_ratio", SuccessRatioConfig(activation="relu"), SuccessRatioObjective(), attempts, steps=700
     )
-    success = fitted("global", config, SuccessObjective(), tries, steps=900)
+    success = fitted("global", config, SuccessObjective(), tries, steps=800)
     return {
         "factorised": GraspModel({"image": image, "success_ratio": success_ratio}, {}),
         "success": GraspModel({"success": success}, {}),

@@ -85,6 +85,18 @@ def test_held_out_attempts_are_of_other_draws(dataset: GraspDataset) -> None:
     assert not draws[0] & draws[1]
 
 
+def test_held_out_attempts_are_moved_once(dataset: GraspDataset) -> None:
+    held_out = refreshed_attempts(dataset, REFRESH, SMALL)[1]
+    kept, again, made = (list(one.batches(epoch)) for one, epoch in _thrice(held_out))
+    assert all(a is b for a, b in zip(kept, again, strict=True))
+    assert all(torch.equal(a.hands.position, b.hands.position) for a, b in zip(kept, made, strict=True))
+
+
+def _thrice(held_out: RefreshedAttempts) -> list[tuple[RefreshedAttempts, int]]:
+    """Asked for two epochs, and the first one made anew."""
+    return [(held_out, 0), (held_out, 1), (replace(held_out, kept=False), 0)]
+
+
 def test_attempts_without_success_are_refused(tmp_path: Path) -> None:
     store = open_store(tmp_path / "data", fake_world.manifest(), False)
     Run(store, fake_world.recipe(replace(DATA, attempts_per_draw=2, draws_per_chunk=5)), 10).execute(InProcess())

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import torch
+import torch._dynamo  # the first optimiser imports it, which would be once in every fork
 
 from bayesgrasp.cli.main import main
 

@@ -42,7 +42,7 @@ def reproduce(
 
     Args:
         out: Directory of the experiment.
-        scale: small (minutes, household stand-ins only, 32,768 adaptive lift tests) or full (hours, needs the YCB
+        scale: small (minutes, household stand-ins only, 8,192 adaptive lift tests) or full (hours, needs the YCB
             scans: 10^6 lift tests from the prior, 256 and 8 images for each drawn mesh and scale, and practice).
         seed: Of all random numbers; the benchmark uses the next one.
         workers: Processes.

@@ -68,6 +68,7 @@ class RefreshedAttempts:
         refresh: The planar symmetry, with the arm's reach.
         config: See `AttemptsConfig`.
         seed: Of the order and of the poses.
+        kept: Every epoch is the first one, made once and kept in memory: for the few attempts that are held out.
     """
 
     columns: Columns
@@ -75,6 +76,7 @@ class RefreshedAttempts:
     refresh: PlanarRefresh
     config: AttemptsConfig
     seed: int = 0
+    kept: bool = False
 
     @cached_property
     def rows(self) -> tuple[Int64[np.ndarray, "successes"], Int64[np.ndarray, "others"]]:
@@ -99,6 +101,13 @@ class RefreshedAttempts:
 
     def batches(self, epoch: int) -> Iterator[Batch]:
         """The batches of an epoch."""
+        return iter(self._first) if self.kept else self._made(epoch)
+
+    @cached_property
+    def _first(self) -> tuple[Batch, ...]:
+        return tuple(self._made(0))
+
+    def _made(self, epoch: int) -> Iterator[Batch]:
         rng = generator(self.seed, Stream.REFRESH, epoch)
         successes, others = self.rows
         few, many = self.config.successes, self.config.batch_size - self.config.successes
@@ -174,7 +183,7 @@ def refreshed_attempts(
     # Held-out successes are few: more poses of each steady the loss that early stopping watches.
     steady = replace(config, poses=HELD_OUT_POSES * config.poses)
     training = RefreshedAttempts(dataset.attempt_columns, "train", refresh, config, seed)
-    return training, RefreshedAttempts(dataset.attempt_columns, "validation", refresh, steady, seed)
+    return training, RefreshedAttempts(dataset.attempt_columns, "validation", refresh, steady, seed, kept=True)
 
 
 def _in_turns(rows: Int64[np.ndarray, "n"], count: int, rng: np.random.Generator) -> Int64[np.ndarray, "{count}"]:

@@ -106,7 +106,10 @@ class Experiment:
         """Lift tests and images."""
         scale, out = self.scale, self.out / "data"
         config = GenerateConfig(
-            proposal=scale.proposal, attempts_per_draw=scale.attempts_per_draw, scenes_per_draw=scale.scenes_per_draw
+            proposal=scale.proposal,
+            attempts_per_draw=scale.attempts_per_draw,
+            scenes_per_draw=scale.scenes_per_draw,
+            draws_per_chunk=scale.draws_per_chunk,
         )
         job = GenerateJob(self._objects(scale.split), scale.attempts, config, self.seed)
         with self.watcher.generating(scale.attempts) as progress:

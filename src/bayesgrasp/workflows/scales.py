@@ -38,6 +38,8 @@ class Scale:
         attempts: Lift tests of the data set.
         proposal, attempts_per_draw, scenes_per_draw: See `bayesgrasp generate`; a small set needs the successes of the
             adaptive proposal, whose weights matter less there.
+        draws_per_chunk: See `GenerateConfig`; the first 16 chunks are drawn from the prior, so small chunks are soon
+            followed by successes.
         preset, estimators, batch_size, learning_rate: See `bayesgrasp train`.
         epochs: Passes over the training scenes of each estimator; those without an image cost little and need many.
         rounds: Practice after the first training.
@@ -52,6 +54,7 @@ class Scale:
     proposal: Literal["prior", "adaptive"]
     attempts_per_draw: int
     scenes_per_draw: int
+    draws_per_chunk: int
     preset: PresetName
     estimators: tuple[Role, ...]
     epochs: dict[Role, int]
@@ -68,18 +71,19 @@ class Scale:
 SCALES: dict[ScaleName, Scale] = {
     "small": Scale(
         split="stand-ins",
-        attempts=32_768,
+        attempts=8_192,
         proposal="adaptive",
-        attempts_per_draw=64,
-        scenes_per_draw=2,
+        attempts_per_draw=32,
+        scenes_per_draw=3,
+        draws_per_chunk=4,
         preset="best",
         estimators=("success_ratio", "success", "full"),
-        epochs={"success_ratio": 200, "success": 3, "full": 30},
+        epochs={"success_ratio": 40, "success": 4, "full": 20},
         batch_size=8,
         learning_rate=2e-3,
         truths=60,
         proposals=1500,
-        scenes=60,
+        scenes=40,
         judged=("stand-ins",),
     ),
     "full": Scale(
@@ -88,6 +92,7 @@ SCALES: dict[ScaleName, Scale] = {
         proposal="prior",
         attempts_per_draw=256,
         scenes_per_draw=8,
+        draws_per_chunk=16,
         preset="best",
         estimators=("success_ratio", "success", "full"),
         epochs={"success_ratio": 20, "success": 20, "full": 60},
