@@ -172,7 +172,7 @@ def test_the_posterior_does_not_depend_on_constraints(thumb_planner, depth) -> N
 def test_what_no_hand_can_keep_is_a_reason(thumb_planner, depth, constraints, words) -> None:
     plan = thumb_planner.plan(depth, CAMERA, constraints=constraints, samples=50)
     assert plan.grasps == ()
-    assert plan.reason.startswith("no hand keeps the constraints: of 2000 draws from the prior 2000")
+    assert plan.reason.startswith("no hand keeps the constraints: of 1000 draws from the prior 1000")
     assert words in plan.reason
     assert len(plan.samples.hands.grasp_type) == 50
     assert "reach" not in plan.timings_ms

@@ -150,14 +150,18 @@ def floating(size: tuple[float, float, float], height: float) -> np.ndarray:
 
 
 ODD = {
-    "50 cm box": (box_depth_image(CAMERA, (Box(x=-0.3, size=(0.5, 0.5, 0.5)),)), "not likely enough", None),
+    "50 cm box": (box_depth_image(CAMERA, (Box(x=-0.3, size=(0.5, 0.5, 0.5)),)), "estimated success", None),
     "wide box": (box_depth_image(CAMERA, (Box(size=(0.25, 0.25, 0.2)),)), "not likely enough", None),
     "wall": (np.full((480, 640), 0.8, np.float32), "nothing on the table", "no table is seen"),
     "floating": (floating((0.06, 0.06, 0.06), 0.10), None, "seems to float"),
     "high above": (floating((0.06, 0.06, 0.06), 0.20), None, "seems to float"),
     "neighbour": (box_depth_image(CAMERA, (BLOCK, replace(BLOCK, y=0.13))), None, "another thing stands 8 cm"),
     "close by": (box_depth_image(CAMERA, (BLOCK, replace(BLOCK, y=0.08))), None, "another thing stands 3 cm"),
-    "arm above": (np.minimum(box_depth_image(CAMERA, (BLOCK,)), floating((0.08, 0.5, 0.08), 0.25)), "not likely", None),
+    "arm above": (
+        np.minimum(box_depth_image(CAMERA, (BLOCK,)), floating((0.08, 0.5, 0.08), 0.25)),
+        "estimated success",
+        None,
+    ),
 }
 
 

@@ -1,10 +1,13 @@
-"""Candidates for a grasp: where the ascents end, and the best draws from the prior.
+"""Candidates for a grasp: where the search ends, and the best draws from the prior.
 
 A robot wants the hand that most probably succeeds; the posterior has its mode elsewhere where p(S=1 | i, h) is flat
-(`selection`). So both maxima are searched for, in one batch of ascents: a weight w of the log-prior leads to the MAP
-(w = 1) or, inside the prior's box, to the MLE (w = 0).
+(`selection`). So both maxima are searched for, in one batch (`posterior.refine`): a weight w of the log-prior leads to
+the MAP (w = 1) or, inside the prior's box, to the MLE (w = 0).
 
-Under constraints the ascents start at draws that keep them and never leave what is allowed, as they never leave the
+A search that finds the maximum also finds where the network is wrong: spikes of p(S=1 | i, h) that are narrower than
+any robot is exact. So its mean over hands a little beside each candidate is estimated, too (`selection`).
+
+Under constraints the search starts at draws that keep them and never leaves what is allowed, as it never leaves the
 prior's box; there are more draws where few are allowed, and more of them are candidates.
 """
 
@@ -15,24 +18,48 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 
 from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.geometry.grasp_space import GraspSpace
 from bayesgrasp.planning.constraints import ConstraintCheck
 from bayesgrasp.planning.selection import Candidates
-from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
+from bayesgrasp.posterior.ascent import starting_points
 from bayesgrasp.posterior.importance import Weighted, weigh
 from bayesgrasp.posterior.posterior import Posterior
 from bayesgrasp.posterior.potential import tempered_potential
+from bayesgrasp.posterior.refine import RefineConfig, refine
 from bayesgrasp.types import Hands
 
-QUICK = AscentConfig(starts_per_type=4, steps=12, backtracks=4, decrease_tolerance=5e-3, gradient_tolerance=1e-2)
-"""More starts than Algorithm 2, and no more precision than a robot can use."""
-AMONG_OBSTACLES = replace(QUICK, starts_per_type=16, steps=20, backtracks=8)
-"""Under constraints an ascent may end at a wall of what is allowed, so more of them start."""
 TEMPERS = (1.0, 0.0)
-"""Weights of the log-prior in the ascents: they lead to the MAP and to the MLE."""
+"""Weights of the log-prior in the search: they lead to the MAP and to the MLE."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What is done for the maxima.
+
+    Attributes:
+        starts: Per grasp type, for the maximum of the posterior, and as many for that of the likelihood inside the
+            prior's box.
+        refine: The search from there.
+        fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
+    """
+
+    starts: int
+    refine: RefineConfig
+    fallbacks: int
+
+    def __post_init__(self) -> None:
+        if self.starts < 1 or self.fallbacks < 0:
+            raise InvalidConfigurationError(f"a search needs starts >= 1 and fallbacks >= 0, got {self}")
+
+
+PLAIN = Effort(4, RefineConfig(), 30)
+"""As much precision as decides between grasps."""
+AMONG_OBSTACLES = Effort(16, RefineConfig(kept=(48, 24, 16, 12, 8, 6, 4, 2), trials=640), 200)
+"""Under constraints a search may end at a wall of what is allowed, so more starts stay in it."""
 
 
 @dataclass(frozen=True)
@@ -40,27 +67,28 @@ class SearchConfig:
     """Cost of the search.
 
     Attributes:
-        num_draws: Draws from the prior that compete for the starts; more than in Algorithm 2, since each is tried with
-            its own grasp type only.
-        ascent: The search; by default four starts per grasp type for the maximum of the posterior, and as many for that
-            of the likelihood inside the prior's box.
-        fallbacks: Of the best draws, how many are tried where the ends of the search cannot be executed.
-        constrained: The search under constraints.
-        allowed_draws: Under constraints, so many draws that keep them are wanted, and may all be tried.
+        num_draws: Draws from the prior that compete for the starts, each tried with its own grasp type only.
+        plain: What is done without constraints.
+        among_obstacles: And under constraints.
+        allowed_draws: Under constraints, so many draws that keep them are wanted.
         rounds: For them, `num_draws` are drawn at most so often.
+        error: Standard deviation along each axis of the hands beside a candidate, radians in the metric of the search:
+            0.05 is 2.9 degrees and 5 mm.
+        beside: How many such hands, for each candidate.
     """
 
-    num_draws: int = 2000
-    ascent: AscentConfig = QUICK
-    fallbacks: int = 30
-    constrained: AscentConfig = AMONG_OBSTACLES
+    num_draws: int = 1000
+    plain: Effort = PLAIN
+    among_obstacles: Effort = AMONG_OBSTACLES
     allowed_draws: int = 200
-    rounds: int = 10
+    rounds: int = 20
+    error: float = 0.05
+    beside: int = 8
 
     def __post_init__(self) -> None:
-        if min(self.num_draws, self.allowed_draws, self.rounds) < 1 or self.fallbacks < 0:
+        if min(self.num_draws, self.allowed_draws, self.rounds, self.beside) < 1 or not self.error >= 0:
             raise InvalidConfigurationError(
-                "a search needs num_draws, allowed_draws and rounds >= 1, and fallbacks >= 0"
+                "a search needs num_draws, allowed_draws, rounds and beside >= 1, and error >= 0"
             )
 
 
@@ -76,12 +104,14 @@ def search(
         check: What candidates must keep to, if anything.
         rng: Of further draws, where few of the first keep to it.
     """
-    if check is None:
-        return _candidates(posterior, drawn.hands, drawn.log_ratio, config.ascent, config.fallbacks), None
-    hands, log_ratio = _allowed(posterior, drawn, config, check, rng)
-    if len(log_ratio) == 0:
-        return None, check.why_none(drawn.hands)
-    return _candidates(posterior, hands, log_ratio, config.constrained, config.allowed_draws, check.allows), None
+    hands, log_ratio, effort, allowed = drawn.hands, drawn.log_ratio, config.plain, None
+    if check is not None:
+        hands, log_ratio = _allowed(posterior, drawn, config, check, rng)
+        if len(log_ratio) == 0:
+            return None, check.why_none(drawn.hands)
+        effort, allowed = config.among_obstacles, check.allows
+    found = _found(posterior, hands, log_ratio, effort, rng, allowed)
+    return _judged(posterior, found, config.error * rng.standard_normal((config.beside, 6), np.float32)), None
 
 
 def _allowed(
@@ -101,27 +131,35 @@ def _allowed(
     return Hands.cat(kept), torch.cat(values)
 
 
-def _candidates(
+def _found(
     posterior: Posterior,
     draws: Hands,
     log_ratio: Float[Tensor, "n"],
-    ascent: AscentConfig,
-    fallbacks: int,
+    effort: Effort,
+    rng: np.random.Generator,
     allowed: Callable[[Hands], Bool[Tensor, "n"]] | None = None,
-) -> Candidates:
+) -> Hands:
     with torch.no_grad():
         log_prior = posterior.prior.log_prob(draws)
-    starts = [starting_points(draws, -(log_ratio + w * log_prior), ascent.starts_per_type) for w in TEMPERS]
-    weight = torch.cat([log_prior.new_full(hands.shape, w) for w, hands in zip(TEMPERS, starts, strict=True)])
+    starts = [starting_points(draws, -(log_ratio + w * log_prior), effort.starts) for w in TEMPERS]
+    goal = torch.cat([torch.full_like(hands.grasp_type, number) for number, hands in enumerate(starts)])
+    weight = log_prior.new_tensor(TEMPERS)[goal]
     potential = replace(tempered_potential(posterior.log_ratio, posterior.prior, weight), allowed=allowed)
-    ends = ascend(potential, Hands.cat(starts), ascent).hands
-    best = (-(log_ratio + log_prior)).argsort()[:fallbacks]
-    return _judged(posterior, Hands.cat([ends, draws[best]]))
+    ends = refine(potential, Hands.cat(starts), goal, rng, effort.refine)
+    best = (-(log_ratio + log_prior)).argsort()[: effort.fallbacks]
+    return Hands.cat([ends, draws[best]])
 
 
-def _judged(posterior: Posterior, hands: Hands) -> Candidates:
+def _judged(posterior: Posterior, hands: Hands, errors: Float32[np.ndarray, "k 6"]) -> Candidates:
+    """Candidates with what they promise, and what hands beside them do, displaced by the same errors for all."""
+    count, space = len(hands.grasp_type), GraspSpace()
+    scale = hands.position.new_tensor([space.length_scale] * 3 + [1.0] * 3)
+    shift = torch.from_numpy(errors).to(scale) * scale
+    rows = torch.arange(count, device=scale.device).repeat_interleave(len(shift))
     with torch.no_grad():
         log_ratio, log_prior = posterior.log_ratio(hands), posterior.prior.log_prob(hands)
         probability = posterior.success(log_ratio)
+        near = posterior.success(posterior.log_ratio(space.retract(hands[rows], shift.repeat(count, 1))))
+    steady = torch.cat([probability[:, None], near.view(count, -1)], -1).mean(-1)
     log_posterior = log_ratio + log_prior - posterior.evidence.log_mean
-    return Candidates(hands.to("cpu"), log_posterior.cpu(), probability.cpu())
+    return Candidates(hands.to("cpu"), log_posterior.cpu(), probability.cpu(), steady=steady.cpu())

@@ -4,7 +4,7 @@ A robot wants the grasp that most probably succeeds. The mode of p(h | S=1, i) n
 near 1 for many hands, the prior decides among them, and draws the mode towards its own. So grasps are ranked by
 p(S=1 | i, h); probabilities that hardly differ are a tie, which the posterior breaks. A grasp is executable if it is
 clear of the measured surface and of the table and within the arm's reach. One that the model itself thinks is more
-likely to fail than to succeed is no grasp to execute.
+likely to fail than to succeed, or that hands a little beside it are, is no grasp to execute.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ class SelectionConfig:
         rank: By estimated success probability or by that of holding against pushes, ties broken by the log posterior;
             or by the log posterior alone.
         tie: Probabilities that differ by no more than this are a tie.
-        least_success: Grasps of a lower success probability are refused; an unknown one is not.
+        least_success: Grasps of a lower success probability, at the hand or on average beside it, are refused; an
+            unknown one is not.
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
         cutting_points: From so many measured points deeper than that on, a hand collides.
@@ -99,12 +100,19 @@ class Candidates:
         log_posterior: log p(h | S=1, i) of each, nats.
         probability: Estimate of p(S=1 | i, h) of each.
         held: Estimate of p(held | i, h) of each; None where the model does not know.
+        steady: Mean of p(S=1 | i, h) over hands a little beside each; None where that is not known.
     """
 
     hands: Hands
     log_posterior: Float[Tensor, "n"]
     probability: Float[Tensor, "n"]
     held: Float[Tensor, "n"] | None = None
+    steady: Float[Tensor, "n"] | None = None
+
+    @property
+    def least(self) -> Float[Tensor, "n"]:
+        """The lower of the success probabilities at each hand and beside it."""
+        return self.probability if self.steady is None else torch.minimum(self.probability, self.steady)
 
     def ranked(self, config: SelectionConfig) -> list[int]:
         """Indices of the hands, best first; what is not a number counts as the worst."""
@@ -137,7 +145,7 @@ class Selection:
 
     def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
         """The best `top` distinct candidates that may be executed and can be, or the reason why there is none."""
-        likely = ~(candidates.probability < self.config.least_success)
+        likely = ~(candidates.least < self.config.least_success)
         if not likely.any():
             return (), self._unlikely(candidates)
         grasps: list[Grasp] = []
@@ -154,7 +162,7 @@ class Selection:
         return tuple(grasps), None if grasps else self._reason(len(tried), int((~likely).sum()))
 
     def _unlikely(self, candidates: Candidates) -> str:
-        best = float(candidates.probability.nan_to_num(nan=0.0).max())
+        best = float(candidates.least.nan_to_num(nan=0.0).max())
         return (
             f"not likely enough: the best grasp has an estimated success of {100 * best:.0f} %, at least "
             f"{100 * self.config.least_success:.4g} % is asked for"
