@@ -8,8 +8,11 @@ computed from the plane of that triangle in double precision.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32, Float64, Int, Int32
 from scipy.spatial import ConvexHull
@@ -47,7 +50,7 @@ class MeshTree:
         offsets = np.einsum("ij,ij->i", normals, corners.mean(axis=1))
         self.planes = np.concatenate([normals, offsets[:, None]], axis=1)
         self.hull = _enclosing_polytope(vertices[np.unique(faces)])
-        self._scene = EmbreeScene(robust=True)
+        self._scene = EmbreeScene(device=_device(), robust=True)
         TriangleMesh(self._scene, np.ascontiguousarray(corners, dtype=np.float32))
 
     def first_hit(
@@ -61,6 +64,12 @@ class MeshTree:
     ) -> Int32[np.ndarray, "n"]:
         """At least 0 where a ray (object frame) meets the mesh anywhere, -1 where it does not."""
         return self._scene.run(origins, directions, query="OCCLUDED") if len(origins) else np.empty(0, np.int32)
+
+
+@cache
+def _device() -> EmbreeDevice:
+    """One for all trees of a process: Embree crashes where a few thousand are open, as one for each tree would be."""
+    return EmbreeDevice()
 
 
 def _enclosing_polytope(points: Float64[np.ndarray, "v 3"]) -> Float64[np.ndarray, "h 3"]:
