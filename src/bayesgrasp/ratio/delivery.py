@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 from scipy.optimize import minimize
-from scipy.special import expit
-from scipy.stats import binom
+from scipy.special import bdtr, expit
 
 from bayesgrasp.errors import CheckpointError, InvalidConfigurationError, clipped
 
@@ -86,9 +85,9 @@ class Delivery:
         failures = np.cumsum(~self.success[order])
         least = None
         for count in np.ceil(SHARES * len(order)).astype(int):
-            if binom.cdf(MARGIN, count, 1 - wanted) > DOUBT:
+            if bdtr(MARGIN, count, 1 - wanted) > DOUBT:  # scipy.stats would take half a second to import
                 continue  # so few plans cannot show it, or only if hardly any of them failed
-            if binom.cdf(failures[count - 1], count, 1 - wanted) > DOUBT:
+            if bdtr(failures[count - 1], count, 1 - wanted) > DOUBT:
                 break
             least = self.promised[order[count - 1]]
         return None if least is None else float(self.calibration.of(np.array([least]))[0])
