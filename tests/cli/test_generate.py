@@ -59,7 +59,7 @@ def test_a_set_of_an_older_schema_is_one_clear_error(tmp_path: Path, capsys: pyt
     old = tmp_path / "old"
     old.mkdir()
     (old / "manifest.json").write_text(json.dumps({"schema_version": 1, "seed": 1}))
-    message = "has schema version 1; this version of bayesgrasp reads 2"
+    message = "has schema version 1; this version of bayesgrasp reads 3"
     refused(["data", "inspect", "--directory", str(old)], message, capsys)
     refused(["train", "--data", str(old), "--out", str(tmp_path / "model")], message, capsys)
     resumed = ["generate", "--attempts", "10", "--out", str(old), "--split", "household_drink_can", "--resume"]

@@ -53,7 +53,10 @@ COMMANDS: dict[str, Command] = {
     "demo": Command("demo:demo", "Plan a grasp for a simulated object from its depth image, and try it."),
     "plan": Command("plan:plan", "Plan grasps from a depth image."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
-    "objects show": Command("objects:show", "Describe one object and draw it, its mesh and its convex parts."),
+    "objects show": Command(
+        "objects:show",
+        "Describe one object and draw it, its mesh and its convex parts, or draw all objects of a split.",
+    ),
     "objects fetch": Command("objects:fetch", "Download YCB scans from the official archives."),
     "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
     "render": Command("render:render", "Render the depth image of an object on the table."),
