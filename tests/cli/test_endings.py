@@ -101,6 +101,9 @@ def test_output_that_does_not_fit_the_disk_is_one_line() -> None:
 
 
 def test_signals_are_given_back() -> None:
-    code = "import signal; from bayesgrasp.cli.main import main; main(['--version']); print(signal.getsignal(2))"
+    code = (
+        "import signal; signal.signal(2, signal.default_int_handler); "
+        "from bayesgrasp.cli.main import main; main(['--version']); print(signal.getsignal(2))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "default_int_handler" in done.stdout
