@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from bayesgrasp.errors import BayesgraspError, DepthImageError, InvalidConfigurationError
 from bayesgrasp.geometry.camera import Camera, canonical_camera, look_at
 from bayesgrasp.observation.familiarity import STATISTICS, Familiarity
-from bayesgrasp.observation.user_camera import aligned_workspace, to_camera
+from bayesgrasp.observation.user_camera import aligned_workspace, check_scale, to_camera
 from bayesgrasp.planning.figure import save_plan_figure
 from bayesgrasp.planning.planner import PlannerConfig, TrainedLikelihood
 from bayesgrasp.planning.search import SearchConfig
@@ -348,3 +348,14 @@ def test_of_many_images_the_wrong_one_is_named(thumb_planner, depth) -> None:
     with pytest.raises(DepthImageError, match=r"image 1: .*negative"):
         thumb_planner.plan_many([(depth, CAMERA), (-depth, CAMERA)])
     assert thumb_planner.plan_many([]) == ()
+
+
+def test_a_low_camera_that_sees_nothing_but_the_object_is_no_wrong_unit() -> None:
+    """From 10 degrees the table returns nothing; behind a slender thing it would be metres away."""
+    eye = 0.76 * np.array([np.cos(np.radians(10)), 0.0, np.sin(np.radians(10))])
+    camera = CAMERA.with_pose(look_at(eye, np.array([0.0, 0.0, 0.05])))
+    thing = box_depth_image(camera, (Box(size=(0.06, 0.06, 0.25)),))
+    alone = np.where(thing == box_depth_image(camera), np.float32(0), thing)
+    check_scale(alone, camera)
+    with pytest.raises(DepthImageError, match="do not fit the camera's pose"):
+        check_scale(4 * thing, camera)

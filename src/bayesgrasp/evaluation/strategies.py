@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import DepthImageError, InvalidConfigurationError
 from bayesgrasp.evaluation.scenes import Situation
 from bayesgrasp.evaluation.shifts import Shift
 from bayesgrasp.planning.plan import Plan
@@ -138,10 +138,13 @@ def from_the_image(choose: Choose) -> Choose:
 
 
 def planned(planner: Planner) -> Strategy:
-    """The deployed planner's first grasp, with its promise; None where it declines to grasp."""
+    """The deployed planner's first grasp, with its promise; None where it declines to grasp or refuses the image."""
 
     def choose(situation: Situation, rng: np.random.Generator) -> Choice | None:
-        plan = planner.plan(situation.depth, situation.camera, top=1, seed=rng)
+        try:
+            plan = planner.plan(situation.depth, situation.camera, top=1, seed=rng)
+        except DepthImageError:  # as of a camera too low to see anything but the object
+            return None
         hands = first_grasp(plan)
         if hands is None:
             return None

@@ -25,6 +25,8 @@ SMALLEST_DEPTH, LARGEST_DEPTH = 0.15, 20.0
 and single pixels beyond are a driver's mark of no return."""
 SCALES = 0.4, 2.5
 """The median of measured depths over the depths of the table; outside, the unit or the camera's pose is wrong."""
+GRAZING = 0.2
+"""Where a ray falls by less than this for each metre of depth, the table is so far that things stand before it."""
 STEEPEST, NARROWEST = 11.0, 0.02
 """Largest tangent of a ray's angle with the optical axis (85 degrees), and least width of a view at 1 m, metres."""
 
@@ -79,7 +81,7 @@ def check_scale(depth: Float32[np.ndarray, "h w"], camera: Camera) -> None:
     across, along, forward = camera.pose[2, :3]
     column, row = (np.arange(camera.width)[::8] - camera.cx) / camera.fx, (np.arange(camera.height)[::8] - camera.cy)
     down = -(across * column + along * row[:, None] / camera.fy + forward)
-    seen = (small > 0) & (down > 1e-3)
+    seen = (small > 0) & (down > GRAZING)
     if not seen.any():
         return
     scale = float(np.median(small[seen] * down[seen])) / camera.pose[2, 3]
