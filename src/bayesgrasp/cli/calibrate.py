@@ -7,8 +7,9 @@ from pathlib import Path
 
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
+from bayesgrasp.diagnostics.plots import save
 from bayesgrasp.diagnostics.promises import keep_promises
-from bayesgrasp.files import write_json, write_through
+from bayesgrasp.files import write_json
 from bayesgrasp.ratio.delivery import DOUBT, Delivery
 from bayesgrasp.workflows.delivery import DeliveryJob
 
@@ -56,7 +57,7 @@ def calibrate(
             "doubt": DOUBT,
         },
     )
-    write_through(out / "promises.png", lambda file: before.draw().savefig(file, format="png", dpi=110))
+    save(before.draw(), out / "promises.png")
     print(f"wrote {model / 'card.json'} and {out}")
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ class Delivery:
             least = self.promised[order[count - 1]]
         return None if least is None else float(self.calibration.of(np.array([least]))[0])
 
-    @property
+    @cached_property
     def calibration(self) -> BetaCalibration:
         """From the model's promises to such that hold on fresh objects."""
         return fit_beta(self.promised, self.success)

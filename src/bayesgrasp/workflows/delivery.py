@@ -22,7 +22,8 @@ from bayesgrasp.planning.planner import PlannerConfig
 from bayesgrasp.planning.selection import SelectionConfig
 from bayesgrasp.ratio.card import promising_weights, read_card, write_card
 from bayesgrasp.ratio.delivery import FEWEST, Delivery
-from bayesgrasp.workflows.load import load_planner, load_trained, success_probability
+from bayesgrasp.workflows.evaluate import ModelContestants
+from bayesgrasp.workflows.load import success_probability
 
 STRATEGY = "plan"
 
@@ -39,10 +40,11 @@ class Uncalibrated:
 
     def load(self) -> Contestants:
         """Load them."""
-        model = load_trained(self.directory)
-        planner = load_planner(self.directory, config=PlannerConfig(selection=SelectionConfig(least_success=0.0)))
-        likelihood = replace(planner.likelihood, success_probability=success_probability(model), delivered=None)
-        return Contestants(model, replace(planner, likelihood=likelihood))
+        found = ModelContestants(self.directory).load()
+        promise = success_probability(found.model)
+        likelihood = replace(found.planner.likelihood, success_probability=promise, delivered=None)
+        config = PlannerConfig(selection=SelectionConfig(least_success=0.0))
+        return replace(found, planner=replace(found.planner, likelihood=likelihood, config=config))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from bayesgrasp.diagnostics.plots import save
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.figures import plot_ladder, plot_per_object, plot_transfer
 from bayesgrasp.evaluation.journal import Journal, SceneResult
@@ -16,7 +17,7 @@ from bayesgrasp.evaluation.shifts import NONE, SHIFTS, Shift, find_shift
 from bayesgrasp.evaluation.strategies import STRATEGIES, SearchConfig
 from bayesgrasp.evaluation.tables import markdown, markdown_per_object, promises_of, summarize
 from bayesgrasp.evaluation.transfer import markdown_transfer, summarize_transfer
-from bayesgrasp.files import write_json, write_text, write_through
+from bayesgrasp.files import write_json, write_text
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.prior.cameras import AnyCamera
@@ -155,7 +156,7 @@ class Evaluation:
         plot_ladder(summary, out / "ladder.png", self.split)
         plot_per_object(summary, out / "per_object.png")
         if (kept := promises_of(result.trials["plan"] for result in results if "plan" in result.trials)) is not None:
-            write_through(out / "promises.png", lambda file: kept.draw().savefig(file, format="png", dpi=110))
+            save(kept.draw(), out / "promises.png")
         return summary
 
     def draw_failures(self, results: Sequence[SceneResult], count: int, path: Path) -> tuple[str, ...]:
