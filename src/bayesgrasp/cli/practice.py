@@ -29,6 +29,7 @@ def practice(
     bend: float = 0.0,
     estimator: Practised = "success",
     cameras: CameraLaw | None = None,
+    explore: int = 0,
 ) -> None:
     """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
 
@@ -53,10 +54,12 @@ def practice(
         estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
             success_ratio (it knows nothing).
         cameras: Where images are taken from, canonical or any; by default as in the data that the model was trained on.
+        explore: How many of the tries are hands from above that no model proposes: just over the table or higher, any
+            grasp type. All of them, or all but 3 or more.
     """
     objects = load_objects(split, ycb_dir)
     job = PracticeJob(
-        model, objects, scenes, tries, estimator, DeformConfig(copies, stretch, taper, bend), cameras, seed
+        model, objects, scenes, tries, estimator, DeformConfig(copies, stretch, taper, bend), cameras, seed, explore
     )
     with generating(job.attempts) as progress:
         manifest = practise(job, out, workers, resume=resume, progress=progress)

@@ -14,19 +14,24 @@ from bayesgrasp.data.manifest import Given, Manifest
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.generation.blind_practice import BlindProposer, BlindRecipe
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
+from bayesgrasp.generation.exploration import Explorer
 from bayesgrasp.generation.pairing import PairingConfig
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.generation.practice import PracticeRecipe, Proposer, Shown
 from bayesgrasp.generation.provenance import describe
 from bayesgrasp.generation.run import Progress, Recipe, Run, open_store
+from bayesgrasp.geometry.camera import network_camera
 from bayesgrasp.objects.deform import DeformConfig, with_copies
 from bayesgrasp.objects.object_asset import ObjectAsset
-from bayesgrasp.posterior.potential import LogDensity, Prior
+from bayesgrasp.observation.surface import SurfaceReader
+from bayesgrasp.posterior.potential import LogDensity
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
 from bayesgrasp.prior.cameras import CameraLaw, camera_law
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.model import GraspModel
+from bayesgrasp.robot.open_hand import OpenHand
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
 from bayesgrasp.workflows.load import load_trained, trained_prior
@@ -53,9 +58,10 @@ class PracticeJob:
             p(O) is uniform over objects and copies.
         cameras: Where images are taken from; as in the data that the model was trained on if None.
         seed: Of all random numbers.
+        explore: How many of the tries are hands from above that no model proposes (`generation.exploration`).
 
     Raises:
-        InvalidConfigurationError: Too few scenes or tries.
+        InvalidConfigurationError: Too few scenes or tries, or exploration without images.
     """
 
     model: Path
@@ -66,8 +72,15 @@ class PracticeJob:
     deform: DeformConfig = field(default_factory=DeformConfig)
     cameras: CameraLaw | None = None
     seed: int = 0
+    explore: int = 0
 
     def __post_init__(self) -> None:
+        if not 0 <= self.explore <= self.tries - 3 * (self.explore < self.tries):
+            raise InvalidConfigurationError(
+                f"exploration takes all tries or leaves at least 3, got {self.explore} of {self.tries}"
+            )
+        if self.explore and self.given != "image":
+            raise InvalidConfigurationError(f"{self.estimator} looks at no image; exploration needs one")
         if self.scenes < 1 or self.tries < 3:
             raise InvalidConfigurationError(
                 f"practice needs at least 1 scene and 3 tries, got {self.scenes} and {self.tries}"
@@ -131,11 +144,15 @@ def practise(
     world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
     config = job.sizes(read_card(job.model))
     manifest = describe(world, config, job.seed, scene, job.attempts)
+    if job.explore:
+        manifest = replace(
+            manifest, config=manifest.config | {"practice": {"given": job.given, "explore": job.explore}}
+        )
     if job.given == "object":
         _check_objects(job.model, tuple(asset.id for asset in objects))
     if job.given != "image":
         manifest = replace(manifest, config=manifest.config | {"practice": {"given": job.given}})
-    proposer = ModelProposer(job.model.resolve(), job.given)
+    proposer = ModelProposer(job.model.resolve(), job.given, job.explore)
     recipe: Recipe = PracticeRecipe(world.build, config, job.seed, scene, proposer.build, job.given)
     if job.given == "nothing":
         recipe = BlindRecipe(world.build, config, job.seed, scene, proposer.build_blind)
@@ -160,18 +177,25 @@ class ModelProposer:
     Attributes:
         directory: Of the model.
         given: What the model is told of a scene.
+        explore: How many hands of a scene are explored without the model.
     """
 
     directory: Path
     given: Given
+    explore: int = 0
 
     def build(self) -> Proposer:
         """The proposer."""
         model = load_trained(self.directory)
         prior, ratios = trained_prior(model.card), _given_images if self.given == "image" else _given_objects
+        explorer = Explorer(SurfaceReader(network_camera()), OpenHand(robotiq_3f()), prior)
 
         def propose(shown: Shown, count: int, rng: np.random.Generator) -> Hands:
-            return _propose(ratios(model, shown), prior, count, rng)
+            explored = [explorer.propose(image, self.explore, rng) for image in shown.images]
+            if self.explore == count:
+                return _stacked(explored)
+            proposed = [practice_hands(ratio, prior, count - self.explore, rng) for ratio in ratios(model, shown)]
+            return _stacked([Hands.cat(pair) for pair in zip(proposed, explored, strict=True)])
 
         return propose
 
@@ -192,7 +216,6 @@ def _given_objects(model: GraspModel, shown: Shown) -> list[LogDensity]:
     return [model.given_object(int(o), float(s), (p[0], p[1], p[2]), float(mu)) for o, s, p, mu in known]
 
 
-def _propose(ratios: Sequence[LogDensity], prior: Prior, count: int, rng: np.random.Generator) -> Hands:
-    """Hands for each scene, (n, count), by the log-ratio of each."""
-    hands = [practice_hands(ratio, prior, count, rng) for ratio in ratios]
+def _stacked(hands: Sequence[Hands]) -> Hands:
+    """Hands of n scenes, k for each, batch shape (n, k)."""
     return Hands(*(torch.stack([getattr(h, name) for h in hands]) for name in ("position", "rotation", "grasp_type")))
