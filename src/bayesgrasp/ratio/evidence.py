@@ -41,6 +41,16 @@ def closing_region() -> tuple[Point, ...]:
     return tuple(itertools.product(along, across, (-0.045, 0.0, 0.045)))
 
 
+def between_fingertips() -> tuple[Point, ...]:
+    """More points where the fingertips of a Robotiq 3-Finger close, 0.14 to 0.185 m ahead of the palm.
+
+    A ball of 3 cm lies between the points of the closing region. Of three points beside each other the middle one comes
+    first: it is the one where every third point's features are looked up (`local.LocalConfig`).
+    """
+    along, across, beside = (0.14, 0.165, 0.185), (-0.025, 0.0, 0.025), (0.0, -0.02, 0.02)
+    return tuple(itertools.product(along, across, beside))
+
+
 @dataclass(frozen=True)
 class ViewConfig:
     """A pinhole camera as plain numbers, for the image that the network sees.

@@ -142,6 +142,31 @@ class LocalSuccess(nn.Module):
         self.head = mlp((config.hand.width + looked_up, *config.widths, 1))
         self.held = nn.Linear(config.widths[-1], 1) if config.held else None
 
+    def weights_from(self, start: "LocalSuccess") -> dict[str, Tensor]:
+        """The weights of a trained network for this one, which says the same with them.
+
+        This one may look at more points, after those of the other; it begins without regard for them. An output for
+        holding that the other does not have begins as that for success.
+        """
+        weights = dict(start.state_dict())
+        first = self.head[0].weight.new_zeros(self.head[0].weight.shape)  # type: ignore[operator, union-attr]
+        mine, theirs = self._columns(), start._columns()
+        if len(first) == len(weights["head.0.weight"]) and theirs.keys() <= mine.keys():
+            first[:, [mine[name] for name in theirs]] = weights["head.0.weight"]
+            weights["head.0.weight"] = first
+        if self.held is not None and "held.weight" not in weights:
+            weights |= {f"held.{name}": value for name, value in start.head[-1].state_dict().items()}
+        return weights
+
+    def _columns(self) -> dict[tuple[object, ...], int]:
+        """Where the head's first layer reads what: the hand, and of each point its signed depths and features."""
+        config, points = self.config, self.config.evidence.points
+        depths = [*(("scale", s) for s in config.evidence.scales), *(("surface", k) for k in range(config.surfaces))]
+        names: list[tuple[object, ...]] = [("hand", k) for k in range(config.hand.width)]
+        names += [(*kind, *p) for kind in depths for p in points]
+        names += [("feature", k, *p) for k in range(config.features) for p in points[:: config.every]]
+        return {name: column for column, name in enumerate(names)}
+
     def encode(self, images: Float[Tensor, "b 1 height width"]) -> Context:
         """Everything that depends on the image alone."""
         depth = self.points.view.fill(images)

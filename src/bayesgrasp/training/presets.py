@@ -14,7 +14,7 @@ from typing import Literal
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.ratio.estimators import FullConfig, ImageConfig, SuccessRatioConfig
-from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, canonical_view
+from bayesgrasp.ratio.evidence import PointsConfig, ViewConfig, between_fingertips, canonical_view, closing_region
 from bayesgrasp.ratio.hand_success import HandSuccessConfig
 from bayesgrasp.ratio.layers import ConvConfig, HandConfig
 from bayesgrasp.ratio.local import WORKSPACE_WINDOW, LocalConfig, Window
@@ -108,7 +108,8 @@ def preset(
     if name == "paper":
         success = Part("success", "global", image, SuccessObjective(), train)
     else:
-        local = LocalConfig(setup.hand(4), PointsConfig(setup.view), window=setup.window, held=True)
+        points = PointsConfig(setup.view, closing_region() + between_fingertips())
+        local = LocalConfig(setup.hand(4), points, window=setup.window, held=True)
         success = Part("success", "local", local, SuccessObjective(), replace(train, mirror=0.5))
     full = FullConfig(setup.hand(4), setup.objects, octaves=2, modulated=True)
     parts = {

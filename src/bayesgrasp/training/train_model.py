@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.kinds import build
+from bayesgrasp.ratio.local import LocalSuccess
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.ratio.tensor_file import load_weights
 from bayesgrasp.training.checks import check
@@ -104,12 +105,10 @@ def _train_part(
 
 
 def _weights_for(estimator: nn.Module, start: nn.Module) -> dict[str, Tensor]:
-    """The weights of a trained estimator; an output for holding that it does not have begins as that for success."""
-    weights = dict(start.state_dict())
-    if getattr(estimator, "held", None) is not None and "held.weight" not in weights:
-        head: nn.Sequential = start.head  # type: ignore[assignment]
-        weights |= {f"held.{name}": value for name, value in head[-1].state_dict().items()}
-    return weights
+    """The weights of a trained estimator; local evidence may be looked up at more points than it did."""
+    if isinstance(estimator, LocalSuccess) and isinstance(start, LocalSuccess):
+        return estimator.weights_from(start)
+    return dict(start.state_dict())
 
 
 def _metrics(part: Part, sources: Sources, result: Result) -> dict[str, Any]:
