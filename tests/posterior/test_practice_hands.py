@@ -1,4 +1,4 @@
-"""Hands to practise: as many as asked for, inside the prior's support, the later ones further up."""
+"""Hands to practise: as many as asked for, inside the prior's support, some at the top and some beside it."""
 
 import pytest
 import torch
@@ -24,12 +24,21 @@ def test_count_and_support(count: int) -> None:
     assert bool(prior.in_support(hands).all())
 
 
-def test_later_thirds_are_further_up() -> None:
+def test_a_third_is_at_the_top_and_a_third_beside_it() -> None:
     hands = practice_hands(log_ratio, GraspPrior(), 90, generator(2, 0))
-    drawn, halfway, top = log_ratio(hands).split(30)
-    assert drawn.mean() < halfway.mean() <= top.mean()
-    assert top.mean() > -0.05
+    drawn, top, beside = log_ratio(hands[:42]), log_ratio(hands[42:66]), log_ratio(hands[66:])
+    assert top[:6].min() > -0.05
+    assert drawn.mean() < beside.mean() < top.mean()
     assert drawn.mean() == pytest.approx(-1.5, abs=0.6), "draws from the posterior: three squared standard normals"
+
+
+def test_a_type_that_the_model_does_not_believe_in_is_tried_all_the_same() -> None:
+    def one_type(hands: Hands) -> torch.Tensor:
+        return log_ratio(hands) - 8.0 * (hands.grasp_type != 0)
+
+    hands = practice_hands(one_type, GraspPrior(), 12, generator(2, 1))
+    assert bool((hands.grasp_type[:4] == 0).all())
+    assert sorted(hands.grasp_type[4:7].tolist()) == [0, 1, 2]
 
 
 def test_the_same_stream_gives_the_same_hands() -> None:

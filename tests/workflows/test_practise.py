@@ -44,3 +44,11 @@ def test_an_estimator_that_is_told_the_mesh_refuses_meshes_that_it_never_knew(mo
 def test_too_little_practice_is_refused(model: Path) -> None:
     with pytest.raises(InvalidConfigurationError, match="3 tries"):
         PracticeJob(model, load_objects(OBJECTS), tries=2)
+
+
+def test_exploration_needs_an_image_and_room(model: Path) -> None:
+    objects = load_objects(OBJECTS)
+    with pytest.raises(InvalidConfigurationError, match="at least 3, got 2 of 4"):
+        PracticeJob(model, objects, tries=4, explore=2)
+    with pytest.raises(InvalidConfigurationError, match="full looks at no image"):
+        PracticeJob(model, objects, estimator="full", explore=12)

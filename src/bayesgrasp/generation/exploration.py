@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 from scipy.spatial.transform import Rotation
 
 from bayesgrasp.observation.surface import SurfaceReader
@@ -42,7 +42,7 @@ class Explorer:
     def __init__(self, reader: SurfaceReader, hand: OpenHand, prior: GraspPrior) -> None:
         self.reader, self.hand, self.prior = reader, hand, prior
 
-    def propose(self, image: Float64[np.ndarray, "h w"], count: int, rng: np.random.Generator) -> Hands:
+    def propose(self, image: Float32[np.ndarray, "h w"], count: int, rng: np.random.Generator) -> Hands:
         """So many hands for a depth image (metres, 0 = no return), batch shape (count,); the prior's where it is bare.
 
         The image is read in the world frame, which the hands are in.

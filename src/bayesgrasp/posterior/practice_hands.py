@@ -6,24 +6,41 @@ practised, and their surroundings: what counts is by how much a hand beside the 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
 from bayesgrasp.geometry.grasp_space import GraspSpace
-from bayesgrasp.posterior.ascent import AscentConfig, ascend
-from bayesgrasp.posterior.importance import weigh
-from bayesgrasp.posterior.potential import LogDensity, Prior, likelihood_potential, posterior_potential
+from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
+from bayesgrasp.posterior.importance import Weighted, weigh
+from bayesgrasp.posterior.potential import (
+    LogDensity,
+    Prior,
+    likelihood_potential,
+    posterior_potential,
+    support,
+    tempered_potential,
+)
+from bayesgrasp.posterior.refine import refine
 from bayesgrasp.seeding import torch_child
 from bayesgrasp.types import Hands
 
-STEPS = (3, 10)
-"""Steps of the two kinds of search: halfway up, and nearly at the top."""
+STARTS = 4
+"""Starts of a search per grasp type, as a planner has them."""
+TEMPERS = (1.0, 0.0)
+"""Weights of the log-prior in a search: its ends are the maxima of the posterior and of the likelihood."""
+BESIDE = 0.05
+"""Standard deviation of hands beside such an end, radians along each axis of the metric: 2.9 degrees and 5 mm."""
 
 
 def practice_hands(
-    log_ratio: LogDensity, prior: Prior, count: int, rng: np.random.Generator, num_draws: int = 2000
+    log_ratio: LogDensity, prior: Prior, count: int, rng: np.random.Generator, num_draws: int = 1000
 ) -> Hands:
-    """Hands for one image: a third drawn from the posterior, a third from there a little uphill, a third at its top.
+    """Hands for one image: a third drawn from the posterior, a third where a search ends, a third beside these ends.
+
+    The best end of each grasp type comes first, then the second of each: a model that believes in one type alone would
+    never learn that another one holds what this one drops.
 
     Args:
         log_ratio: log r(S=1, i | h), up to a constant.
@@ -32,14 +49,30 @@ def practice_hands(
         rng: Source of the draws.
         num_draws: Draws from the prior that the posterior is resampled from.
     """
-    drawn = weigh(log_ratio, prior, num_draws, rng).resample(count, torch_child(rng))
+    weighted, generator = weigh(log_ratio, prior, num_draws, rng), torch_child(rng)
     third = count // 3
-    potential = posterior_potential(log_ratio, prior)
-    parts = [drawn[: count - 2 * third]]
-    for part, steps in enumerate(STEPS):
-        starts = drawn[count - 2 * third + part * third :][:third]
-        parts.append(ascend(potential, starts, AscentConfig(steps=steps)).hands)
-    return Hands.cat(parts)
+    ends = _best_of_each_type(log_ratio, _search(log_ratio, prior, weighted, rng))[:third]
+    beside = BESIDE * torch.tensor([GraspSpace().length_scale] * 3 + [1.0] * 3)
+    near = GraspSpace().retract(ends, beside * torch.randn(*ends.shape, 6, generator=generator))
+    near = replace(near, position=support(prior).clip(near.position))
+    return Hands.cat([weighted.resample(count - 2 * ends.shape[0], generator), ends, near])
+
+
+def _search(log_ratio: LogDensity, prior: Prior, drawn: Weighted, rng: np.random.Generator) -> Hands:
+    """Ends of searches for both maxima, as a planner makes them."""
+    log_prior = prior.log_prob(drawn.hands)
+    starts = [starting_points(drawn.hands, -(drawn.log_ratio + w * log_prior), STARTS) for w in TEMPERS]
+    goal = torch.cat([torch.full_like(hands.grasp_type, number) for number, hands in enumerate(starts)])
+    potential = tempered_potential(log_ratio, prior, log_prior.new_tensor(TEMPERS)[goal])
+    return refine(potential, Hands.cat(starts), goal, rng)
+
+
+def _best_of_each_type(log_ratio: LogDensity, hands: Hands) -> Hands:
+    """The same hands: the best of each grasp type, best first, then the second of each, and so on."""
+    with torch.no_grad():
+        best_first = hands[log_ratio(hands).argsort(descending=True)]
+    same = best_first.grasp_type == best_first.grasp_type[:, None]
+    return best_first[same.tril().sum(-1).argsort(stable=True)]
 
 
 BLIND_STEPS = 20

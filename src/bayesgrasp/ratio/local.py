@@ -149,7 +149,7 @@ class LocalSuccess(nn.Module):
         holding that the other does not have begins as that for success.
         """
         weights = dict(start.state_dict())
-        first = self.head[0].weight.new_zeros(self.head[0].weight.shape)  # type: ignore[operator, union-attr]
+        first = torch.zeros_like(self.state_dict()["head.0.weight"])
         mine, theirs = self._columns(), start._columns()
         if len(first) == len(weights["head.0.weight"]) and theirs.keys() <= mine.keys():
             first[:, [mine[name] for name in theirs]] = weights["head.0.weight"]

@@ -75,16 +75,16 @@ class PracticeJob:
     explore: int = 0
 
     def __post_init__(self) -> None:
+        if self.scenes < 1 or self.tries < 3:
+            raise InvalidConfigurationError(
+                f"practice needs at least 1 scene and 3 tries, got {self.scenes} and {self.tries}"
+            )
         if not 0 <= self.explore <= self.tries - 3 * (self.explore < self.tries):
             raise InvalidConfigurationError(
                 f"exploration takes all tries or leaves at least 3, got {self.explore} of {self.tries}"
             )
         if self.explore and self.given != "image":
             raise InvalidConfigurationError(f"{self.estimator} looks at no image; exploration needs one")
-        if self.scenes < 1 or self.tries < 3:
-            raise InvalidConfigurationError(
-                f"practice needs at least 1 scene and 3 tries, got {self.scenes} and {self.tries}"
-            )
 
     @property
     def attempts(self) -> int:
