@@ -25,10 +25,10 @@ def test_count_and_support(count: int) -> None:
 
 
 def test_a_third_is_at_the_top_and_a_third_beside_it() -> None:
-    hands = practice_hands(log_ratio, GraspPrior(), 90, generator(2, 0))
+    hands = practice_hands(log_ratio, GraspPrior(), 90, generator(2, 0), num_draws=20_000)
     drawn, top, beside = log_ratio(hands[:42]), log_ratio(hands[42:66]), log_ratio(hands[66:])
     assert top[:6].min() > -0.05
-    assert drawn.mean() < beside.mean() < top.mean()
+    assert drawn.mean() < beside[:12].mean() < top[:12].mean()
     assert drawn.mean() == pytest.approx(-1.5, abs=0.6), "draws from the posterior: three squared standard normals"
 
 
