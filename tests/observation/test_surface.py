@@ -71,6 +71,22 @@ def test_of_an_exact_camera_the_table_is_flat() -> None:
     np.testing.assert_allclose(READER.read(preprocess(box_depth_image(CAMERA, (Box(),)))).table, 0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize(("sigma", "thickness"), [(0.0008, 0.006), (0.0015, 0.0063), (0.004, 0.012)])
+def test_what_counts_as_the_table_follows_the_noise(sigma, thickness) -> None:
+    """A ruler of 9 mm is found where the noise allows it."""
+    ruler = Box(x=0.02, y=-0.03, yaw=0.4, size=(0.03, 0.16, 0.009))
+    surface = READER.read(preprocess(noisy(box_depth_image(CAMERA, (ruler,)), generator(11), sigma)))
+    assert surface.thickness == pytest.approx(thickness, rel=0.1)
+    if surface.thickness < 0.009:
+        np.testing.assert_allclose(surface.center, (0.02, -0.03), atol=0.015)
+
+
+@pytest.mark.parametrize("sigma", [0.0008, 0.0015, 0.003, 0.006])
+def test_noise_alone_is_no_object(sigma) -> None:
+    for seed in range(5):
+        assert not READER.read(preprocess(noisy(box_depth_image(CAMERA), generator(12, seed), sigma))).item.any()
+
+
 def test_specks_are_not_objects() -> None:
     speck = READER.read(preprocess(box_depth_image(CAMERA, (Box(size=(0.008, 0.008, 0.03)),))))
     assert "nothing on the table" in str(speck.problem())

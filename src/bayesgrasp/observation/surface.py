@@ -24,6 +24,8 @@ STRIDE = 4
 """Every so many pixels, each way, are looked at for the plane of the table."""
 FEWEST = 50
 """With fewer of them the table is taken to be z = 0."""
+MAD_OF_NORMAL = 1.4826
+"""Standard deviation of a normal law by its median absolute deviation."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,9 @@ class SurfaceConfig:
     """What counts as an object.
 
     Attributes:
-        table_thickness: Points lower than this are the table, metres.
+        table_thickness: Points lower than this are the table, metres, at most.
+        least_thickness: And at least; in between, a few times the noise of the table's own points (`spreads`).
+        spreads: How many of its standard deviations the table's points may be above it.
         ceiling: Points higher than this are ignored (the arm, a lamp), metres.
         reach: Half side of the square around the workspace centre in which things are looked for, metres.
         workspace: Half side of the square that an object's middle must be in, metres.
@@ -41,6 +45,8 @@ class SurfaceConfig:
     """
 
     table_thickness: float = 0.012
+    least_thickness: float = 0.006
+    spreads: float = 5.0
     ceiling: float = 0.45
     reach: float = 0.35
     workspace: float = 0.12
@@ -50,10 +56,12 @@ class SurfaceConfig:
     far: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.table_thickness < self.ceiling or not 0 < self.workspace <= self.reach:
-            raise InvalidConfigurationError("need 0 < table_thickness < ceiling and 0 < workspace <= reach, in metres")
-        if self.min_pixels < 1 or self.surroundings <= 0 or not 0 < self.near < self.far:
-            raise InvalidConfigurationError("need min_pixels >= 1, surroundings > 0 and 0 < near < far")
+        if not 0 < self.least_thickness <= self.table_thickness < self.ceiling or not 0 < self.workspace <= self.reach:
+            raise InvalidConfigurationError(
+                "need 0 < least_thickness <= table_thickness < ceiling and 0 < workspace <= reach, in metres"
+            )
+        if self.min_pixels < 1 or min(self.surroundings, self.spreads) <= 0 or not 0 < self.near < self.far:
+            raise InvalidConfigurationError("need min_pixels >= 1, surroundings > 0, spreads > 0 and 0 < near < far")
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,7 @@ class Surface:
         item: Pixels of the object that stands nearest to the workspace centre; none where nothing is on the table.
         others: Number of the piece for each pixel of other things that rise above the table, elsewhere 0.
         table: (a, b, c) of the plane z = a + b x + c y that the table was seen in; zeros for an exact camera pose.
+        thickness: Points less than this above the table, metres, counted as the table's.
         config: What counted as an object.
     """
 
@@ -74,6 +83,7 @@ class Surface:
     item: Bool[np.ndarray, "h w"]
     others: Int[np.ndarray, "h w"]
     table: Float64[np.ndarray, "3"]
+    thickness: float
     config: SurfaceConfig
 
     @property
@@ -98,7 +108,7 @@ class Surface:
         """What stands on the table within a square around the workspace centre, with z counted from the table seen."""
         points = self.near(radius).astype(np.float64)
         points[:, 2] = heights(points, self.table)
-        return points[points[:, 2] > self.config.table_thickness]
+        return points[points[:, 2] > self.thickness]
 
     def problem(self) -> str | None:
         """Why nothing can be planned, in words; None where something can."""
@@ -106,7 +116,7 @@ class Surface:
             return "the camera does not see the workspace: no depth between 0.45 and 1 m in the canonical view"
         if not self.item.any():
             return (
-                f"nothing on the table: nothing rises more than {1000 * self.config.table_thickness:.0f} mm above it "
+                f"nothing on the table: nothing rises more than {1000 * self.thickness:.0f} mm above it "
                 f"within {self.config.reach:.2f} m of the workspace centre"
             )
         x, y = self.center
@@ -154,9 +164,10 @@ class SurfaceReader:
         valid = depth > 0
         points = np.where(valid, depth, np.float32(np.nan))[..., None] * self._rays + self._origin
         table = self._fit_table(points[::STRIDE, ::STRIDE].reshape(-1, 3))
-        pieces = self._pieces(points, table)
+        thickness = self._thickness(points, table)
+        pieces = self._pieces(points, table, thickness)
         item = self._item(points, pieces) if item is None else item
-        return Surface(points, valid, item, np.where(item, 0, pieces), table, self.config)
+        return Surface(points, valid, item, np.where(item, 0, pieces), table, thickness, self.config)
 
     def cleared(self, depth: Float32[np.ndarray, "h w"], surface: Surface) -> Float32[np.ndarray, "h w"]:
         """The image with the bare table in place of whatever stands, or was not seen, away from the object.
@@ -195,11 +206,24 @@ class SurfaceReader:
             plane = np.linalg.lstsq(terms, member[:, 2], rcond=None)[0]
         return plane
 
-    def _pieces(self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"]) -> Int[np.ndarray, "h w"]:
+    def _thickness(self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"]) -> float:
+        """Heights that the sensor's noise gives the table: a pen is thinner than what a noisy camera must leave out."""
+        config, some = self.config, points[::STRIDE, ::STRIDE].reshape(-1, 3)
+        above = heights(some[in_square(some, config.reach)], table)
+        with np.errstate(invalid="ignore"):
+            above = above[np.abs(above) < config.table_thickness]
+        if len(above) < FEWEST:
+            return config.table_thickness
+        spread = MAD_OF_NORMAL * float(np.median(np.abs(above - np.median(above))))
+        return min(max(config.spreads * spread, config.least_thickness), config.table_thickness)
+
+    def _pieces(
+        self, points: Float32[np.ndarray, "h w 3"], table: Float64[np.ndarray, "3"], thickness: float
+    ) -> Int[np.ndarray, "h w"]:
         """The pieces of the non-table pixels that are large enough, numbered from 1; elsewhere 0."""
         config, height = self.config, heights(points, table)
         with np.errstate(invalid="ignore"):
-            above = (height > config.table_thickness) & (height < config.ceiling)
+            above = (height > thickness) & (height < config.ceiling)
         above &= in_square(points, config.reach)
         pieces = _large_pieces(above, above, config.min_pixels)
         if pieces.any():
