@@ -50,26 +50,39 @@ def test_another_experiment_is_refused(tmp_path: Path) -> None:
         Stages(tmp_path, {"scale": "small", "seed": 1})
 
 
-def test_the_full_experiment_is_the_papers() -> None:
+def test_the_papers_experiment_is_the_papers() -> None:
     """All rows of the table, 1000 attempts each, and never a look at the unseen objects before the benchmark."""
-    full = SCALES["full"]
-    assert set(full.estimators) >= {"success_ratio", "success", "full"}
-    assert full.scenes == 1000
-    assert full.split == "train"
-    assert {"train", "unseen"} <= set(full.judged)
-    drawn, usual = (full.proposal, full.attempts_per_draw, full.scenes_per_draw), GenerateConfig()
+    paper = SCALES["paper"]
+    assert set(paper.estimators) >= {"success_ratio", "success", "full"}
+    assert paper.scenes == 1000
+    assert paper.split == "train"
+    assert {"train", "unseen"} <= set(paper.judged)
+    drawn, usual = (paper.proposal, paper.attempts_per_draw, paper.scenes_per_draw), GenerateConfig()
     assert drawn == (usual.proposal, usual.attempts_per_draw, usual.scenes_per_draw) == ("prior", 256, 8)
-    assert full.attempts >= 10**6
+    assert paper.attempts >= 10**6
 
 
-def test_the_full_experiment_practises_as_the_shipped_weights_did(tmp_path: Path) -> None:
+def test_the_papers_experiment_practises_as_the_shipped_weights_did(tmp_path: Path) -> None:
     """Each round starts from the last version of its estimator, and the model has the last of all."""
-    experiment = Experiment(tmp_path, SCALES["full"])
+    experiment = Experiment(tmp_path, SCALES["paper"])
     names = list(experiment.stages())
     assert names[:5] == ["data", "training", "practice 1", "training 1", "practice 2"]
     assert names.index("training 3") + 1 == names.index("model") == names.index("diagnostics") - 1
-    rounds = SCALES["full"].rounds
+    rounds = SCALES["paper"].rounds
     assert [one.estimator for one in rounds] == ["success", "success", "full"]
     latest = [experiment.latest(one.estimator, n + 1).name for n, one in enumerate(rounds)]
     assert latest == ["model-0", "model-1", "model-0"]
-    assert rounds[2].copies == 0
+    assert rounds[2].deform.copies == 0
+
+
+def test_the_general_experiment_gathers_before_it_learns(tmp_path: Path) -> None:
+    """Rounds without epochs only gather practice, and whoever comes next starts from the last that was trained."""
+    general = SCALES["general"]
+    experiment = Experiment(tmp_path, general)
+    names = list(experiment.stages())
+    assert names[:6] == ["data", "training", "practice 1", "practice 2", "training 2", "practice 3"]
+    latest = [experiment.latest(one.estimator, n + 1).name for n, one in enumerate(general.rounds)]
+    assert latest == ["model-0", "model-0", "model-2", "model-2"]
+    assert [one.explore for one in general.rounds] == [12, 12, 0, 0]
+    assert general.cameras == "any"
+    assert not any("unseen" in (one.split or general.split) for one in general.rounds)

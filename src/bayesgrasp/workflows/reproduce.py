@@ -21,8 +21,8 @@ from bayesgrasp.generation.chunks import GenerateConfig
 from bayesgrasp.generation.pool import LocalPool
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.objects.catalogue import load_objects
-from bayesgrasp.objects.deform import DeformConfig
 from bayesgrasp.objects.object_asset import ObjectAsset
+from bayesgrasp.prior.cameras import camera_law
 from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.checkpoint import join_models
 from bayesgrasp.ratio.model import Role
@@ -42,7 +42,7 @@ from bayesgrasp.workflows.train import TrainOptions, train
 
 def reproduce(
     out: Path,
-    scale: ScaleName = "full",
+    scale: ScaleName = "paper",
     *,
     seed: int = 0,
     workers: int = 1,
@@ -54,7 +54,8 @@ def reproduce(
 
     Args:
         out: Directory of the experiment.
-        scale: small (minutes, household stand-ins only) or full (hours, needs the YCB scans).
+        scale: small (minutes, household stand-ins only), paper (hours, needs the YCB scans) or general (the same, also
+            procedural objects and cameras anywhere).
         seed: Of all random numbers; the benchmark uses the next one.
         workers: Processes.
         device: Where to train: cpu, cuda, or cuda:N.
@@ -97,7 +98,8 @@ class Experiment:
         stages: dict[str, Callable[[], None]] = {"data": self.generate, "training": self.train}
         for number in range(1, len(self.scale.rounds) + 1):
             stages[f"practice {number}"] = partial(self.practise, number)
-            stages[f"training {number}"] = partial(self.train_further, number)
+            if self.scale.rounds[number - 1].epochs:
+                stages[f"training {number}"] = partial(self.train_further, number)
         stages |= {"model": self.join, "diagnostics": self.calibrate}
         stages |= {f"benchmark {split}": partial(self.evaluate, split) for split in self.scale.judged}
         return stages | {"figures": self.draw, "report": self.write_page}
@@ -110,6 +112,7 @@ class Experiment:
             attempts_per_draw=scale.attempts_per_draw,
             scenes_per_draw=scale.scenes_per_draw,
             draws_per_chunk=scale.draws_per_chunk,
+            camera=camera_law(scale.cameras),
         )
         job = GenerateJob(self._objects(scale.split), scale.attempts, config, self.seed)
         with self.watcher.generating(scale.attempts) as progress:
@@ -126,11 +129,12 @@ class Experiment:
         one, out = self.scale.rounds[number - 1], self._practice(number)
         job = PracticeJob(
             self.latest(one.estimator, number),
-            self._objects(self.scale.split),
+            self._objects(one.split or self.scale.split),
             scenes=one.scenes,
             estimator=one.estimator,
-            deform=DeformConfig(one.copies),
+            deform=one.deform,
             seed=self.seed + number,
+            explore=one.explore,
         )
         with self.watcher.generating(job.attempts) as progress:
             manifest = practise(job, out, self.workers, resume=True, progress=progress)
@@ -146,7 +150,8 @@ class Experiment:
 
     def join(self) -> None:
         """The last version of every estimator as one model."""
-        join_models([self._model(number) for number in range(len(self.scale.rounds) + 1)], self.out / "model")
+        trained = [n + 1 for n, one in enumerate(self.scale.rounds) if one.epochs]
+        join_models([self._model(number) for number in (0, *trained)], self.out / "model")
 
     def calibrate(self) -> None:
         """Calibration on the test scenes."""
@@ -181,7 +186,9 @@ class Experiment:
 
     def latest(self, estimator: Role, number: int) -> Path:
         """The model with the last version of an estimator before a round, counted from 1."""
-        earlier = [n + 1 for n in range(number - 1) if self.scale.rounds[n].estimator == estimator]
+        earlier = [
+            n + 1 for n, one in enumerate(self.scale.rounds[: number - 1]) if one.epochs and one.estimator == estimator
+        ]
         return self._model(max(earlier, default=0))
 
     def _model(self, number: int) -> Path:

@@ -1,15 +1,17 @@
-"""How large the experiment of ``bayesgrasp reproduce`` is: minutes without any data, or the paper's with YCB scans."""
+"""The experiments of ``bayesgrasp reproduce``: minutes without any data, the paper's, and the model for any object."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from bayesgrasp.objects.deform import DeformConfig
+from bayesgrasp.prior.cameras import CameraLaw
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.training.presets import PresetName
 from bayesgrasp.workflows.practise import Practised
 
-ScaleName = Literal["small", "full"]
+ScaleName = Literal["small", "paper", "general"]
 
 
 @dataclass(frozen=True)
@@ -18,15 +20,20 @@ class Round:
 
     Attributes:
         estimator: Which one proposes, and is trained further.
-        scenes, copies: See `bayesgrasp practice`.
-        epochs, learning_rate: Of the further training; it learns from the data and from all practice so far.
+        scenes, explore: See `bayesgrasp practice`.
+        epochs, learning_rate: Of the further training; it learns from the data and from all practice so far. Without
+            epochs the practice is kept for the next round.
+        deform: Copies of the objects.
+        split: Objects; those of the experiment if None.
     """
 
     estimator: Practised
     scenes: int
-    copies: int
     epochs: int
-    learning_rate: float
+    learning_rate: float = 5e-4
+    deform: DeformConfig = field(default_factory=DeformConfig)
+    explore: int = 0
+    split: str | None = None
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,7 @@ class Scale:
     Attributes:
         split: Training objects.
         attempts: Lift tests of the data set.
+        cameras: Where images are taken from.
         proposal, attempts_per_draw, scenes_per_draw: See `bayesgrasp generate`; a small set needs the successes of the
             adaptive proposal, whose weights matter less there.
         draws_per_chunk: See `GenerateConfig`; the first 16 chunks are drawn from the prior, so small chunks are soon
@@ -65,8 +73,13 @@ class Scale:
     scenes: int
     judged: tuple[str, ...]
     rounds: tuple[Round, ...] = ()
+    cameras: CameraLaw = "canonical"
     demo: str = "household_carton"
 
+
+ANYTHING = "train+procedural:3000@7"
+"""The objects of the general model: scans, household stand-ins, and three thousand random things."""
+BENT_COPIES = DeformConfig(6, stretch=1.3, taper=0.2, bend=0.3)
 
 SCALES: dict[ScaleName, Scale] = {
     "small": Scale(
@@ -86,7 +99,7 @@ SCALES: dict[ScaleName, Scale] = {
         scenes=40,
         judged=("stand-ins",),
     ),
-    "full": Scale(
+    "paper": Scale(
         split="train",
         attempts=1_000_000,
         proposal="prior",
@@ -103,9 +116,33 @@ SCALES: dict[ScaleName, Scale] = {
         scenes=1000,
         judged=("train", "train-ycb", "unseen"),
         rounds=(
-            Round("success", scenes=3008, copies=3, epochs=4, learning_rate=5e-4),
-            Round("success", scenes=3008, copies=3, epochs=4, learning_rate=5e-4),
-            Round("full", scenes=3008, copies=0, epochs=10, learning_rate=5e-4),
+            Round("success", scenes=3008, epochs=4, deform=DeformConfig(3)),
+            Round("success", scenes=3008, epochs=4, deform=DeformConfig(3)),
+            Round("full", scenes=3008, epochs=10),
         ),
+    ),
+    "general": Scale(
+        split=ANYTHING,
+        attempts=196_608,
+        proposal="prior",
+        attempts_per_draw=128,
+        scenes_per_draw=8,
+        draws_per_chunk=8,
+        preset="best",
+        estimators=("success",),
+        epochs={"success": 6},
+        batch_size=16,
+        learning_rate=1e-3,
+        truths=1000,
+        proposals=10_000,
+        scenes=1000,
+        judged=("train", "unseen", "procedural:200@77"),
+        rounds=(
+            Round("success", scenes=1216, epochs=0, deform=BENT_COPIES, explore=12, split="train"),
+            Round("success", scenes=5120, epochs=20, learning_rate=1e-3, explore=12),
+            Round("success", scenes=1216, epochs=0, deform=BENT_COPIES, split="train"),
+            Round("success", scenes=4096, epochs=8),
+        ),
+        cameras="any",
     ),
 }
