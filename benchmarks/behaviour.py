@@ -20,8 +20,8 @@ from typing import Any
 
 from safetensors.torch import load_file, save_file
 
-import bayesgrasp
 from bayesgrasp.files import write_json
+from bayesgrasp.workflows.load import PAPER_MODEL
 
 Record = dict[str, Any]
 TIMES = ("second", "time", "timings")
@@ -100,7 +100,7 @@ def data(folder: Path) -> Record:
 
 def practice(folder: Path) -> Record:
     """What the shipped model proposes for new scenes, and how it ends."""
-    shipped = Path(bayesgrasp.__file__).parent / "weights"
+    shipped = PAPER_MODEL
     _bayesgrasp("practice", "--model", shipped, "--scenes", 16, "--split", "stand-ins", "--out", folder / "practice")
     return {"shards": _digest(*sorted((folder / "practice").rglob("*.parquet")))}
 

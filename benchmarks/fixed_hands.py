@@ -31,7 +31,7 @@ from bayesgrasp.prior.power_spherical import downward_modes
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.types import Hands
-from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
+from bayesgrasp.workflows.load import PAPER_MODEL, trained_prior
 
 HEIGHTS = np.linspace(0.16, 0.28, 9)
 QUARTER, LEAN, STEEP = math.pi / 2, 0.25, 0.6
@@ -50,7 +50,7 @@ FRESH = 1000
 
 def main(
     ycb_dir: Path | None = None,
-    model: Path = DEFAULT_MODEL,
+    model: Path = PAPER_MODEL,
     scenes: int = 1920,
     seed: int = 100,
     json: Path | None = None,

@@ -19,7 +19,7 @@ from bayesgrasp.prior.power_spherical import downward_modes
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.seeding import generator
 from bayesgrasp.types import Attempts, Hands, Outcome
-from bayesgrasp.workflows.load import DEFAULT_MODEL, trained_prior
+from bayesgrasp.workflows.load import PAPER_MODEL, trained_prior
 
 HEIGHTS, TURNS, LEANS = np.linspace(0.15, 0.31, 17), (0.0, math.pi / 2), (0.0, 0.4)
 ROUNDS = (Round(4, 50), Round(8, 12), Round(24, 1))
@@ -67,12 +67,12 @@ def test_halving_without_rounds_is_refused(rounds: tuple[Round, ...]) -> None:
         halve(grid(), Blindfold(near, 3, seed=1), rounds)
 
 
-@pytest.mark.skipif(not (DEFAULT_MODEL / "card.json").exists(), reason="no trained model is shipped")
+@pytest.mark.skipif(not (PAPER_MODEL / "card.json").exists(), reason="no trained model is shipped")
 def test_the_maxima_of_the_shipped_estimator_are_as_good_as_the_best_of_a_grid(ycb_dir: Path) -> None:
     """On the objects that it was trained on, in scenes that chose neither; two standard errors are allowed."""
     objects = load_objects("train", ycb_dir)
     blindfold = Blindfold(LiftTest(objects).run, len(objects), seed=11)
-    model = load_model(DEFAULT_MODEL)
+    model = load_model(PAPER_MODEL)
     ratio, prior = model.given_success(), trained_prior(model.card)
     searches = likelihood_potential(ratio, prior), posterior_potential(ratio, prior)
     config = AscentConfig(starts_per_type=4)

@@ -11,7 +11,6 @@ import torch
 from safetensors.torch import load_file, save
 from torch import Tensor
 
-import bayesgrasp
 from bayesgrasp.data.schema import Batch
 from bayesgrasp.errors import CheckpointError
 from bayesgrasp.geometry.camera import canonical_camera
@@ -23,6 +22,7 @@ from bayesgrasp.ratio.local import LocalConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.training.train_estimator import initialised
 from bayesgrasp.types import Hands
+from bayesgrasp.workflows.load import PAPER_MODEL
 
 HAND = "robotiq-3f"
 
@@ -188,7 +188,7 @@ def test_an_altered_card_is_refused(directory: Path) -> None:
 
 
 def test_the_shipped_card_is_sealed() -> None:
-    shipped = Path(bayesgrasp.__file__).parent / "weights"
+    shipped = PAPER_MODEL
     assert set(load_model(shipped).estimators) == set(read_card(shipped)["estimators"])
 
 

@@ -19,7 +19,7 @@ from bayesgrasp.lift.lift_config import EngineName
 from bayesgrasp.posterior.ascent import AscentConfig
 from bayesgrasp.prior.cameras import cameras_at
 from bayesgrasp.workflows.evaluate import Evaluation
-from bayesgrasp.workflows.load import DEFAULT_MODEL
+from bayesgrasp.workflows.load import model_directory
 
 
 def benchmark(
@@ -67,7 +67,7 @@ def benchmark(
     """
     _check_outputs(json, out, resume, failures)
     evaluation = Evaluation.of(
-        DEFAULT_MODEL if model is None else model,
+        model_directory(model),
         objects.load(),
         objects.split,
         strategies=strategies,

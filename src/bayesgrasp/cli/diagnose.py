@@ -15,7 +15,7 @@ from bayesgrasp.files import write_json
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.workflows.calibrate import CalibrationJob, calibrate
-from bayesgrasp.workflows.load import DEFAULT_MODEL
+from bayesgrasp.workflows.load import model_directory
 from bayesgrasp.workflows.success_pairs import Attempted, SuccessPairs, simulated_pairs, stored_pairs
 
 
@@ -55,7 +55,7 @@ def diagnose(
     """
     if (data is None) == (fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
-    job = CalibrationJob((DEFAULT_MODEL if model is None else model, *ensemble), proposals, seed)
+    job = CalibrationJob((model_directory(model), *ensemble), proposals, seed)
     if data is not None:
         pairs, attempted = stored_pairs(GraspDataset(data), "test", truths, generator(seed, Stream.DIAGNOSED_PAIR))
     else:

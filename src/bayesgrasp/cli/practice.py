@@ -10,6 +10,7 @@ from bayesgrasp.cli.progress import generating
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.deform import DeformConfig
 from bayesgrasp.prior.cameras import CameraLaw
+from bayesgrasp.workflows.load import model_directory
 from bayesgrasp.workflows.practise import PracticeJob, Practised, practise
 
 
@@ -58,9 +59,8 @@ def practice(
             grasp type. All of them, or all but 3 or more.
     """
     objects = load_objects(split, ycb_dir)
-    job = PracticeJob(
-        model, objects, scenes, tries, estimator, DeformConfig(copies, stretch, taper, bend), cameras, seed, explore
-    )
+    deform, teacher = DeformConfig(copies, stretch, taper, bend), model_directory(model)
+    job = PracticeJob(teacher, objects, scenes, tries, estimator, deform, cameras, seed, explore)
     with generating(job.attempts) as progress:
         manifest = practise(job, out, workers, resume=resume, progress=progress)
     print_data(manifest, out)

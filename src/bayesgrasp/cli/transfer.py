@@ -12,7 +12,7 @@ from bayesgrasp.evaluation.strategies import STRATEGIES
 from bayesgrasp.evaluation.transfer import markdown_transfer
 from bayesgrasp.locks import sole_writer
 from bayesgrasp.workflows.evaluate import Evaluation, Transfer, shifts_named
-from bayesgrasp.workflows.load import DEFAULT_MODEL
+from bayesgrasp.workflows.load import model_directory
 
 
 def transfer(
@@ -51,7 +51,7 @@ def transfer(
     """
     named = shifts_named(shifts)
     evaluation = Evaluation.of(
-        DEFAULT_MODEL if model is None else model,
+        model_directory(model),
         objects.load(),
         objects.split,
         strategies=STRATEGIES if "all" in strategies else strategies,

@@ -30,8 +30,18 @@ from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import Hands
 
-DEFAULT_MODEL = Path(__file__).parents[1] / "weights"
-"""The trained model that comes with the package."""
+SHIPPED = Path(__file__).parents[1] / "weights"
+MODELS = ("paper",)
+"""The trained models that come with the package, by name; the first is the default."""
+
+
+def model_directory(model: Path | str | None = None) -> Path:
+    """The directory of a model: of one that comes with the package by its name, the default one if None."""
+    name = MODELS[0] if model is None else str(model)
+    return SHIPPED / name if name in MODELS and not Path(name).is_dir() else Path(name)
+
+
+DEFAULT_MODEL, PAPER_MODEL = model_directory(), model_directory("paper")
 
 
 def load_planner(
@@ -40,7 +50,7 @@ def load_planner(
     """A planner for the Robotiq 3-Finger on a UR5 from a trained model.
 
     Args:
-        model: Directory of a model; by default the one that comes with the package.
+        model: Directory of a model, or the name of one that comes with the package: paper; by default the first.
         device: Where the network is evaluated and searched: cpu, cuda, or cuda:N.
         config: Cost and behaviour of the plans.
 
@@ -83,7 +93,7 @@ def usable_device(name: str | torch.device) -> torch.device:
 
 def load_trained(model: Path | str | None = None) -> GraspModel:
     """A trained model for the Robotiq 3-Finger, without a planner around it; arguments and errors of `load_planner`."""
-    return load_model(DEFAULT_MODEL if model is None else Path(model), gripper=robotiq_3f().name)
+    return load_model(model_directory(model), gripper=robotiq_3f().name)
 
 
 def _check_answers(model: GraspModel) -> None:
