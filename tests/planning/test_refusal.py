@@ -159,8 +159,8 @@ ODD = {
     "close by": (box_depth_image(CAMERA, (BLOCK, replace(BLOCK, y=0.08))), None, "another thing stands 3 cm"),
     "arm above": (
         np.minimum(box_depth_image(CAMERA, (BLOCK,)), floating((0.08, 0.5, 0.08), 0.25)),
-        "estimated success",
         None,
+        "something hangs",
     ),
 }
 

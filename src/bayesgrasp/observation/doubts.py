@@ -2,7 +2,8 @@
 
 A camera from the side sees an object down to where it stands, or, if it is round, down to a fraction of its height: a
 ball of radius r is seen to r (1 - cos e) from an elevation e. What ends far above the table floats: something holds it,
-or the camera is not where it is said to be. And what stands beside the object may be touched by the hand.
+or the camera is not where it is said to be. And what stands beside the object, or hangs over it as another arm does, may
+be touched by the hand.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ class DoubtConfig:
         overhang: But not if that point is lower than this, metres.
         apart: Pieces closer than this to the object belong to it, metres.
         neighbourhood: Other things closer than this are warned of, metres.
+        over: So is what is seen over the object, and belongs to it no more if it is so much higher than its top, metres.
     """
 
     steepest: float = 1.1
@@ -34,11 +36,16 @@ class DoubtConfig:
     overhang: float = 0.035
     apart: float = 0.02
     neighbourhood: float = 0.25
+    over: float = 0.03
 
     def __post_init__(self) -> None:
-        if min(self.overhang, self.apart) < 0 or not 0 < self.floating < 1 or self.neighbourhood < self.apart:
+        if (
+            min(self.overhang, self.apart, self.over) < 0
+            or not 0 < self.floating < 1
+            or self.neighbourhood < self.apart
+        ):
             raise InvalidConfigurationError(
-                "need overhang and apart >= 0, floating between 0 and 1, and neighbourhood >= apart"
+                "need overhang, apart and over >= 0, floating between 0 and 1, and neighbourhood >= apart"
             )
 
 
@@ -64,7 +71,21 @@ def doubts(surface: Surface, camera_to_world: Float64[np.ndarray, "4 4"], config
             f"another thing stands {100 * gap:.0f} cm from the object: the model knows single objects, and the hand "
             "may touch the other one"
         )
+    above = _least_height_over(surface, config.apart) - top
+    if above > config.over:
+        found.append(f"something hangs {100 * above:.0f} cm over the object: the hand may touch it")
     return tuple(found)
+
+
+def _least_height_over(surface: Surface, apart: float) -> float:
+    """Least height of the pieces that are seen over the object or at its side, metres; -inf where there is none."""
+    numbers = surface.others[surface.others > 0]
+    if len(numbers) == 0:
+        return -np.inf
+    points = surface.points[surface.others > 0]
+    near = np.unique(numbers[cKDTree(surface.item_points[:, :2]).query(points[:, :2])[0] < apart])
+    height = heights(points, surface.table)
+    return float(max((np.percentile(height[numbers == number], 2) for number in near), default=-np.inf))
 
 
 def nearest_other(surface: Surface, apart: float) -> float:

@@ -2,9 +2,10 @@
 
 A robot wants the grasp that most probably succeeds. The mode of p(h | S=1, i) need not be it: where p(S=1 | i, h) is
 near 1 for many hands, the prior decides among them, and draws the mode towards its own. So grasps are ranked by
-p(S=1 | i, h); probabilities that hardly differ are a tie, which the posterior breaks. A grasp is executable if it is
-clear of the measured surface and of the table and within the arm's reach. One that the model itself thinks is more
-likely to fail than to succeed, or that hands a little beside it are, is no grasp to execute.
+p(S=1 | i, h), averaged over hands a little beside: a maximum that is narrower than any robot is exact is more often
+the network's error than the object's (`search`). Averages that hardly differ are a tie, which the posterior breaks. A
+grasp is executable if it is clear of the measured surface and of the table and within the arm's reach. One that the
+model itself thinks is more likely to fail than to succeed is no grasp to execute.
 """
 
 from __future__ import annotations
@@ -59,11 +60,10 @@ class SelectionConfig:
     """What makes a grasp executable and distinct, and which is better.
 
     Attributes:
-        rank: By estimated success probability or by that of holding against pushes, ties broken by the log posterior;
-            or by the log posterior alone.
+        rank: By estimated success probability on average over hands a little beside, or by that of holding against
+            pushes, ties broken by the log posterior; or by the log posterior alone.
         tie: Probabilities that differ by no more than this are a tie.
-        least_success: Grasps of a lower success probability, at the hand or on average beside it, are refused; an
-            unknown one is not.
+        least_success: Grasps of a lower success probability are refused; an unknown one is not.
         distinct: Grasps closer than this are one grasp, radians in the metric `space`.
         penetration: The open hand may cut this far into the measured surface (its noise), metres.
         cutting_points: From so many measured points deeper than that on, a hand collides.
@@ -100,7 +100,7 @@ class Candidates:
         log_posterior: log p(h | S=1, i) of each, nats.
         probability: Estimate of p(S=1 | i, h) of each.
         held: Estimate of p(held | i, h) of each; None where the model does not know.
-        steady: Mean of p(S=1 | i, h) over hands a little beside each; None where that is not known.
+        steady: Mean of p(S=1 | i, h) over each hand and some a little beside it; None where that is not known.
     """
 
     hands: Hands
@@ -109,17 +109,14 @@ class Candidates:
     held: Float[Tensor, "n"] | None = None
     steady: Float[Tensor, "n"] | None = None
 
-    @property
-    def least(self) -> Float[Tensor, "n"]:
-        """The lower of the success probabilities at each hand and beside it."""
-        return self.probability if self.steady is None else torch.minimum(self.probability, self.steady)
-
     def ranked(self, config: SelectionConfig) -> list[int]:
         """Indices of the hands, best first; what is not a number counts as the worst."""
         by_posterior = self.log_posterior.nan_to_num(nan=-torch.inf).argsort(descending=True)
         if config.rank == "posterior":
             return list(by_posterior.tolist())
-        by = self.held if config.rank == "held" and self.held is not None else self.probability
+        by = self.probability if self.steady is None else self.steady
+        if config.rank == "held" and self.held is not None:
+            by = self.held
         level = _levels(by, config.tie)[by_posterior]
         return list(by_posterior[level.argsort(stable=True)].tolist())
 
@@ -145,7 +142,7 @@ class Selection:
 
     def select(self, candidates: Candidates, top: int) -> tuple[tuple[Grasp, ...], str | None]:
         """The best `top` distinct candidates that may be executed and can be, or the reason why there is none."""
-        likely = ~(candidates.least < self.config.least_success)
+        likely = ~(candidates.probability < self.config.least_success)
         if not likely.any():
             return (), self._unlikely(candidates)
         grasps: list[Grasp] = []
@@ -162,7 +159,7 @@ class Selection:
         return tuple(grasps), None if grasps else self._reason(len(tried), int((~likely).sum()))
 
     def _unlikely(self, candidates: Candidates) -> str:
-        best = float(candidates.least.nan_to_num(nan=0.0).max())
+        best = float(candidates.probability.nan_to_num(nan=0.0).max())
         return (
             f"not likely enough: the best grasp has an estimated success of {100 * best:.0f} %, at least "
             f"{100 * self.config.least_success:.4g} % is asked for"
