@@ -2,8 +2,8 @@
 
 A camera from the side sees an object down to where it stands, or, if it is round, down to a fraction of its height: a
 ball of radius r is seen to r (1 - cos e) from an elevation e. What ends far above the table floats: something holds it,
-or the camera is not where it is said to be. And what stands beside the object, or hangs over it as another arm does, may
-be touched by the hand.
+or the camera is not where it is said to be. What stands beside the object, or hangs over it as another arm does, may be
+touched by the hand.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class DoubtConfig:
         overhang: But not if that point is lower than this, metres.
         apart: Pieces closer than this to the object belong to it, metres.
         neighbourhood: Other things closer than this are warned of, metres.
-        over: So is what is seen over the object, and belongs to it no more if it is so much higher than its top, metres.
+        over: So is what is seen over the object and is so much higher than its top, metres.
     """
 
     steepest: float = 1.1
