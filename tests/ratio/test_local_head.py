@@ -132,3 +132,19 @@ def test_a_value_has_a_slope_along_the_manifold(
     predicted = predicted + (by_rotation[0] * (moved[0].rotation - moved[1].rotation)).sum((-2, -1))
     error = (change[0] - predicted).abs()
     assert error.quantile(0.8) < 0.1 * change.abs().quantile(0.8)
+
+
+def test_a_network_that_looks_at_more_points_begins_as_the_one_it_starts_from(
+    estimator: LocalSuccess, context: Context, hands: MakeHands, rng: torch.Generator
+) -> None:
+    """Whatever the further points show, and with an output for holding, which begins as that for success."""
+    config = estimator.config
+    further = tuple((x + 0.011, y - 0.007, z) for x, y, z in config.evidence.points[:7])
+    evidence = replace(config.evidence, points=config.evidence.points + further)
+    wider = build("local", replace(config, evidence=evidence, held=True)).eval().requires_grad_(False)
+    assert isinstance(wider, LocalSuccess)
+    wider.load_state_dict(wider.weights_from(estimator))
+    some = row(hands((20,), rng))
+    torch.testing.assert_close(wider(context, some), estimator(context, some), atol=1e-4, rtol=1e-4)
+    success, held = wider.both(context, some)
+    torch.testing.assert_close(held, success, atol=1e-5, rtol=1e-5)
