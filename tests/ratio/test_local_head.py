@@ -141,7 +141,8 @@ def test_a_network_that_looks_at_more_points_begins_as_the_one_it_starts_from(
     config = estimator.config
     further = tuple((x + 0.011, y - 0.007, z) for x, y, z in config.evidence.points[:7])
     evidence = replace(config.evidence, points=config.evidence.points + further)
-    wider = build("local", replace(config, evidence=evidence, held=True)).eval().requires_grad_(False)
+    with torch.random.fork_rng(devices=[]):
+        wider = build("local", replace(config, evidence=evidence, held=True)).eval().requires_grad_(False)
     assert isinstance(wider, LocalSuccess)
     wider.load_state_dict(wider.weights_from(estimator))
     some = row(hands((20,), rng))
