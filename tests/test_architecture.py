@@ -222,7 +222,7 @@ def oddities(source: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name not in ONE_FILE_A_COMMAND], ids=module_name)
+@pytest.mark.parametrize("path", SOURCES, ids=module_name)
 def test_functions_take_few_parameters_and_methods_are_verbs(path: Path) -> None:
     assert oddities(path.read_text()) == []
 

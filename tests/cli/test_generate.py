@@ -7,18 +7,18 @@ import pytest
 from PIL import Image
 
 from bayesgrasp.cli.data import inspect
-from bayesgrasp.cli.generate import generate
+from bayesgrasp.cli.generate import Drawn, Running, generate
 from bayesgrasp.cli.main import main
 from bayesgrasp.cli.object_set import ObjectSet
 from bayesgrasp.data.loader import GraspDataset
 
 CAN = ObjectSet("household_drink_can")
-OPTIONS = {"seed": 3, "attempts_per_draw": 40, "draws_per_chunk": 2, "hands": 8}
+DRAWN = Drawn(attempts_per_draw=40, scenes_per_draw=2, draws_per_chunk=2, hands=8)
 
 
 def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "set"
-    generate(100, out, workers=1, objects=CAN, scenes_per_draw=2, **OPTIONS)  # type: ignore[arg-type]
+    generate(100, out, seed=3, objects=CAN, drawn=DRAWN, running=Running(workers=1))
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["totals"]["attempts"] == 100 == sum(manifest["totals"]["outcomes"].values())
     assert manifest["objects"][0]["id"] == "household_drink_can"

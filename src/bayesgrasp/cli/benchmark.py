@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
@@ -22,22 +26,75 @@ from bayesgrasp.workflows.evaluate import Evaluation
 from bayesgrasp.workflows.load import model_directory
 
 
+@dataclass(frozen=True)
+class Contest:
+    """Which strategies meet.
+
+    Attributes:
+        strategies: Which ones; by default all of them.
+        starts: Ascents for each grasp type; the paper's search has 1.
+        steps: Of each ascent; the paper's search has 20.
+    """
+
+    strategies: tuple[str, ...] = ()
+    starts: int = 1
+    steps: int = 20
+
+    @property
+    def search(self) -> SearchConfig:
+        """The search of all strategies."""
+        return SearchConfig(ascent=AscentConfig(starts_per_type=self.starts, steps=self.steps))
+
+
+@dataclass(frozen=True)
+class OtherWorld:
+    """How the world departs from the one that the model was trained in, unknown to the planner.
+
+    Attributes:
+        engine: Physics of the lift test; by default that of the shift, which is MuJoCo for all but `pybullet`.
+        shift: none, pybullet, mass-0.7, mass-1.3, friction-low, friction-high, stereo, scale-0.8 or scale-1.2.
+        elevation: Take the images from these degrees above the horizon and from all sides instead of by the canonical
+            camera, one table for each; results are in --out/elevation-DEGREES.
+    """
+
+    engine: EngineName | None = None
+    shift: str = "none"
+    elevation: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Files to write.
+
+    Attributes:
+        json: Write the summary to this file.
+        out: Directory for results: scenes.jsonl, summary.json, table.md, per_object.md and figures.
+        resume: Go on with the run in --out, or start it where there is none.
+        failures: With --out, picture this many failures of the MAP from one image: failures.png.
+    """
+
+    json: Path | None = None
+    out: Path | None = None
+    resume: bool = False
+    failures: int = 0
+
+    def check(self) -> None:
+        """Refuse before the work, not after it."""
+        if self.json is not None:
+            check_target(self.json)
+        if self.out is None and (self.resume or self.failures):
+            raise InvalidConfigurationError("--resume and --failures need the directory of the run: give --out")
+
+
 def benchmark(
     model: Path | None = None,
     attempts: int = 1000,
     objects: Objects = ObjectSet(),  # noqa: B008 - frozen
     seed: int = 0,
-    strategies: tuple[str, ...] = (),
-    starts: int = 1,
-    steps: int = 20,
-    engine: EngineName | None = None,
-    shift: str = "none",
     workers: int = os.cpu_count() or 1,
-    json: Path | None = None,
-    out: Path | None = None,
-    resume: bool = False,
-    failures: int = 0,
-    elevation: tuple[float, ...] = (),
+    contest: Annotated[Contest, tyro.conf.OmitArgPrefixes] = Contest(),
+    world: Annotated[OtherWorld, tyro.conf.OmitArgPrefixes] = OtherWorld(),
+    outputs: Annotated[Outputs, tyro.conf.OmitArgPrefixes] = Outputs(),
 ) -> None:
     """Measure the success rates of the paper's strategies and of two baselines.
 
@@ -51,42 +108,33 @@ def benchmark(
         attempts: Scenes, which is attempts of each strategy; objects take turns.
         objects: Which objects.
         seed: Same seed, same scenes and plans, for any number of workers.
-        strategies: Which ones; by default all of them.
-        starts: Ascents for each grasp type; the paper's search has 1.
-        steps: Of each ascent; the paper's search has 20.
-        engine: Physics of the lift test; by default that of the shift, which is MuJoCo for all but `pybullet`.
-        shift: A departure from the world that the model was trained in, unknown to the planner: none, pybullet,
-            mass-0.7, mass-1.3, friction-low, friction-high, stereo, scale-0.8 or scale-1.2.
         workers: Processes.
-        json: Write the summary to this file.
-        out: Directory for results: scenes.jsonl, summary.json, table.md, per_object.md and figures.
-        resume: Go on with the run in --out, or start it where there is none.
-        failures: With --out, picture this many failures of the MAP from one image: failures.png.
-        elevation: Take the images from these degrees above the horizon and from all sides instead of by the canonical
-            camera, one table for each; results are in --out/elevation-DEGREES.
+        contest: Which strategies meet.
+        world: How the world departs from the one that the model was trained in.
+        outputs: Files to write.
     """
-    _check_outputs(json, out, resume, failures)
+    outputs.check()
     evaluation = Evaluation.of(
         model_directory(model),
         objects.load(),
         objects.split,
-        strategies=strategies,
+        strategies=contest.strategies,
         seed=seed,
-        search=search_config(starts, steps),
-        shift=find_shift(shift, engine),
+        search=contest.search,
+        shift=find_shift(world.shift, world.engine),
     )
     print_skipped(evaluation)
     summaries = {}
-    for view, each in _views(evaluation, elevation).items():
-        place = out / view if out is not None and view else out
-        with benchmarking(attempts, view or shift) as progress:
-            results = each.run(attempts, workers, place, resume=resume, progress=progress)
+    for view, each in _views(evaluation, world.elevation).items():
+        place = outputs.out / view if outputs.out is not None and view else outputs.out
+        with benchmarking(attempts, view or world.shift) as progress:
+            results = each.run(attempts, workers, place, resume=outputs.resume, progress=progress)
         summaries[view] = each.summary(results)
         print(markdown(summaries[view], f"{objects.split}, {view}" if view else objects.split), end="")
         if place is not None:
-            _write(each, results, place, failures)
-    if json is not None:
-        write_json(json, summaries if elevation else summaries[""])
+            _write(each, results, place, outputs.failures)
+    if outputs.json is not None:
+        write_json(outputs.json, summaries if world.elevation else summaries[""])
 
 
 def _views(evaluation: Evaluation, elevation: tuple[float, ...]) -> dict[str, Evaluation]:
@@ -104,20 +152,7 @@ def _write(evaluation: Evaluation, results: Sequence[SceneResult], out: Path, fa
         print(f"wrote {picture}: {', '.join(pictured)}")
 
 
-def search_config(starts: int, steps: int) -> SearchConfig:
-    """The search of all strategies; arguments as in `benchmark`."""
-    return SearchConfig(ascent=AscentConfig(starts_per_type=starts, steps=steps))
-
-
 def print_skipped(evaluation: Evaluation) -> None:
     """Say which strategies cannot run, or not on all objects, and why."""
     for name, reason in evaluation.skipped.items():
         print(f"{name}: skipped: {reason}")
-
-
-def _check_outputs(json: Path | None, out: Path | None, resume: bool, failures: int) -> None:
-    """Refuse before the work, not after it."""
-    if json is not None:
-        check_target(json)
-    if out is None and (resume or failures):
-        raise InvalidConfigurationError("--resume and --failures need the directory of the run: give --out")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 from bayesgrasp.cli.progress import counting
 from bayesgrasp.data.loader import GraspDataset
@@ -19,18 +22,42 @@ from bayesgrasp.workflows.load import model_directory
 from bayesgrasp.workflows.success_pairs import Attempted, SuccessPairs, simulated_pairs, stored_pairs
 
 
+@dataclass(frozen=True)
+class Successes:
+    """Which successes are to be found again, one of --data and --fresh.
+
+    Attributes:
+        data: Directory of a data set; its test split is used.
+        fresh: Simulate this many new successes from the prior instead.
+        truths: With --data, pairs of a successful hand and an image, at most.
+        split: With --fresh, the objects; see `bayesgrasp generate`.
+        ycb_dir: With --fresh, directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+    """
+
+    data: Path | None = None
+    fresh: int | None = None
+    truths: int = 500
+    split: str = "train"
+    ycb_dir: Path | None = None
+
+    def pairs(self, seed: int, workers: int) -> tuple[SuccessPairs, Iterator[Attempted]]:
+        """Read or simulate them."""
+        if self.data is not None:
+            rng = generator(seed, Stream.DIAGNOSED_PAIR)
+            return stored_pairs(GraspDataset(self.data), "test", self.truths, rng)
+        objects, count = load_objects(self.split, self.ycb_dir), self.fresh or 0
+        with counting("successes", count) as progress:
+            return simulated_pairs(objects, count, seed, workers, progress)
+
+
 def diagnose(
     model: Path | None = None,
-    data: Path | None = None,
-    fresh: int | None = None,
-    truths: int = 500,
+    successes: Annotated[Successes, tyro.conf.OmitArgPrefixes] = Successes(),
     proposals: int = 10_000,
     ensemble: tuple[Path, ...] = (),
     json: Path | None = None,
     out: Path | None = None,
     seed: int = 0,
-    split: str = "train",
-    ycb_dir: Path | None = None,
     workers: int = os.cpu_count() or 1,
 ) -> None:
     """Judge a trained posterior by simulated successes that it has not seen.
@@ -41,37 +68,23 @@ def diagnose(
 
     Args:
         model: Directory of a model; by default the one that comes with the package.
-        data: Directory of a data set; its test split is used.
-        fresh: Simulate this many new successes from the prior instead.
-        truths: With --data, pairs of a successful hand and an image, at most.
+        successes: Which successes are to be found again.
         proposals: Draws from the prior behind every posterior.
         ensemble: Further models, trained with other seeds.
         json: Where the numbers go.
         out: Where the figures go.
         seed: Of all random numbers.
-        split: With --fresh, the objects; see `bayesgrasp generate`.
-        ycb_dir: With --fresh, directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
         workers: Processes.
     """
-    if (data is None) == (fresh is None):
+    if (successes.data is None) == (successes.fresh is None):
         raise InvalidConfigurationError("give either --data DIR or --fresh N")
     job = CalibrationJob((model_directory(model), *ensemble), proposals, seed)
-    if data is not None:
-        pairs, attempted = stored_pairs(GraspDataset(data), "test", truths, generator(seed, Stream.DIAGNOSED_PAIR))
-    else:
-        pairs, attempted = _simulated(fresh or 0, seed, split, ycb_dir, workers)
+    pairs, attempted = successes.pairs(seed, workers)
     with counting("posteriors", len(pairs.images)) as progress:
         report = calibrate(job, pairs, attempted, workers, progress)
     if json is not None:
         write_json(json, report.to_dict())
     print_report(report, () if out is None else report.draw(out))
-
-
-def _simulated(
-    count: int, seed: int, split: str, ycb_dir: Path | None, workers: int
-) -> tuple[SuccessPairs, Iterator[Attempted]]:
-    with counting("successes", count) as progress:
-        return simulated_pairs(load_objects(split, ycb_dir), count, seed, workers, progress)
 
 
 def print_report(report: Report, figures: Sequence[Path]) -> None:

@@ -3,34 +3,68 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from bayesgrasp.cli.generate import print_data
+from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import generating
-from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.objects.deform import DeformConfig
 from bayesgrasp.prior.cameras import CameraLaw
 from bayesgrasp.workflows.load import model_directory
 from bayesgrasp.workflows.practise import PracticeJob, Practised, practise
 
 
+@dataclass(frozen=True)
+class Tried:
+    """What is tried.
+
+    Attributes:
+        scenes: How many images; for success_ratio, which looks at none, how many scenes of one try each.
+        tries: Hands tried for each image, at least 3.
+        explore: How many of the tries are hands from above that no model proposes: just over the table or higher, any
+            grasp type. All of them, or all but 3 or more.
+        estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
+            success_ratio (it knows nothing).
+        cameras: Where images are taken from, canonical or any; by default as in the data that the model was trained on.
+    """
+
+    scenes: int = 2000
+    tries: int = 12
+    explore: int = 0
+    estimator: Practised = "success"
+    cameras: CameraLaw | None = None
+
+
+@dataclass(frozen=True)
+class Copies:
+    """Deformed copies of the objects.
+
+    Attributes:
+        copies: Of each object, practised on beside it, for more shapes than there are scans.
+        stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
+        taper: Widths of a copy change by up to this share between bottom and top.
+        bend: A copy is bent by up to so many radians in the plane of the table, as far as its convex parts allow.
+    """
+
+    copies: int = 0
+    stretch: float = 1.3
+    taper: float = 0.0
+    bend: float = 0.0
+
+
 def practice(
     model: Path,
     out: Path,
-    scenes: int = 2000,
-    tries: int = 12,
+    objects: Objects = ObjectSet(),  # noqa: B008 - frozen
+    tried: Annotated[Tried, tyro.conf.OmitArgPrefixes] = Tried(),
+    deformed: Annotated[Copies, tyro.conf.OmitArgPrefixes] = Copies(),
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     resume: bool = False,
-    split: str = "train",
-    ycb_dir: Path | None = None,
-    copies: int = 0,
-    stretch: float = 1.3,
-    taper: float = 0.0,
-    bend: float = 0.0,
-    estimator: Practised = "success",
-    cameras: CameraLaw | None = None,
-    explore: int = 0,
 ) -> None:
     """Try the hands that a model proposes for new scenes, and keep the outcomes as training data.
 
@@ -41,26 +75,15 @@ def practice(
     Args:
         model: Directory of the model.
         out: Directory of the new data set.
-        scenes: How many images; for success_ratio, which looks at none, how many scenes of one try each.
-        tries: Hands tried for each image, at least 3.
+        objects: Which objects; never the unseen ones if they are to stay unseen.
+        tried: What is tried.
+        deformed: Deformed copies of the objects.
         seed: Of all random numbers.
         workers: Processes.
         resume: Go on with the data set in --out, or start it where there is none.
-        split: Objects; see `bayesgrasp generate`. Never the unseen ones if they are to stay unseen.
-        ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
-        copies: Deformed copies of each object that are practised on beside it, for more shapes than there are scans.
-        stretch: Each axis of a copy is multiplied by a factor between 1 / stretch and stretch.
-        taper: Widths of a copy change by up to this share between bottom and top.
-        bend: A copy is bent by up to so many radians in the plane of the table, as far as its convex parts allow.
-        estimator: Which estimator proposes: success (it sees the image), full (it knows object, pose and friction) or
-            success_ratio (it knows nothing).
-        cameras: Where images are taken from, canonical or any; by default as in the data that the model was trained on.
-        explore: How many of the tries are hands from above that no model proposes: just over the table or higher, any
-            grasp type. All of them, or all but 3 or more.
     """
-    objects = load_objects(split, ycb_dir)
-    deform, teacher = DeformConfig(copies, stretch, taper, bend), model_directory(model)
-    job = PracticeJob(teacher, objects, scenes, tries, estimator, deform, cameras, seed, explore)
+    copies = DeformConfig(deformed.copies, deformed.stretch, deformed.taper, deformed.bend)
+    job = PracticeJob(model_directory(model), objects.load(), **vars(tried), deform=copies, seed=seed)
     with generating(job.attempts) as progress:
         manifest = practise(job, out, workers, resume=resume, progress=progress)
     print_data(manifest, out)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 from jaxtyping import Float32
 from matplotlib.figure import Figure
 from numpy import ndarray
@@ -16,6 +19,7 @@ from bayesgrasp.files import make_directory, write_through
 from bayesgrasp.geometry.camera import Camera, canonical_camera
 from bayesgrasp.geometry.camera_nuisances import disturbed_camera
 from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.observation.depth_files import write_depth_png
 from bayesgrasp.prior.nuisance import CameraPrior
 from bayesgrasp.seeding import Stream, generator
@@ -27,17 +31,37 @@ FARTHEST_DEPTH = 65.0
 """16 bits of millimetres end here; the bare table towards the horizon is further away (m)."""
 
 
+@dataclass(frozen=True)
+class OneObject:
+    """Which object.
+
+    Attributes:
+        object: As `bayesgrasp objects list` names it.
+        ycb_dir: Directory of YCB scans; by default $BAYESGRASP_YCB_DIR.
+        mesh: A mesh file of your own instead, in metres with z upwards.
+        mass: Its mass in kilograms.
+    """
+
+    object: str | None = None
+    ycb_dir: Path | None = None
+    mesh: Path | None = None
+    mass: float | None = None
+
+    def load(self) -> ObjectAsset:
+        """Load it."""
+        if (self.object is None) == (self.mesh is None):
+            raise AssetError("name either one object, or a file: `--object ID`, or `--mesh FILE --mass KG`")
+        return load_objects([self.object] if self.object is not None else (), self.ycb_dir, self.mesh, self.mass)[0]
+
+
 def render(
     out: Path,
-    object: str | None = None,
+    which: Annotated[OneObject, tyro.conf.OmitArgPrefixes] = OneObject(),
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
     scale: float = 1.0,
     seed: int = 0,
     camera: Path | None = None,
     disturb: bool = False,
-    ycb_dir: Path | None = None,
-    mesh: Path | None = None,
-    mass: float | None = None,
 ) -> None:
     """Render the depth image of an object on the table.
 
@@ -46,21 +70,16 @@ def render(
 
     Args:
         out: Directory for the files.
-        object: Which object, as `bayesgrasp objects list` names it.
+        which: Which object.
         pose: Its place x and y on the table in metres, and its turn about the vertical in radians.
         scale: Its size, as a factor.
         seed: Same seed, same image.
         camera: Another camera than the benchmark's: JSON with `intrinsics` and `camera_to_world`.
         disturb: Draw the camera's errors of pose, range and field of view from their prior.
-        ycb_dir: Directory of YCB scans; by default $BAYESGRASP_YCB_DIR.
-        mesh: A mesh file of your own instead, in metres with z upwards.
-        mass: Its mass in kilograms.
     """
     scene = _scene(pose, scale)
-    if (object is None) == (mesh is None):
-        raise AssetError("name either one object, or a file: `--object ID`, or `--mesh FILE --mass KG`")
+    asset = which.load()
     nominal = canonical_camera() if camera is None else Camera.load(camera)
-    asset = load_objects([object] if object is not None else (), ycb_dir, mesh, mass)[0]
     rng = generator(seed, Stream.RENDERED_NOISE)
     nuisance = _drawn(nominal, seed) if disturb else None
     sensor = DepthSensor([asset], nominal)

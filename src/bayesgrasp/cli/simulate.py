@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -28,17 +29,51 @@ FILMED = 3
 """Attempts of each kind in a picture."""
 
 
+@dataclass(frozen=True)
+class Physics:
+    """Of the lift test, and the prior of hands.
+
+    Attributes:
+        screening: Decide certain outcomes without physics (same outcomes, faster).
+        rotation: The paper's prior of rotations, or uniform rotations for comparison.
+        engine: Physics of the attempts that screening cannot decide; pybullet is an optional extra of the package.
+        criterion: What success means: that the object was lifted, or that it was also held against six pushes.
+    """
+
+    screening: bool = True
+    rotation: Literal["modes", "uniform"] = "modes"
+    engine: EngineName = "mujoco"
+    criterion: Literal["lift", "hold"] = "lift"
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Files to write.
+
+    Attributes:
+        json: Write the counts to this file.
+        video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
+    """
+
+    json: Path | None = None
+    video: Path | None = None
+
+    def check(self) -> None:
+        """Refuse before the work, not after it."""
+        for path in (self.json, self.video):
+            if path is not None:
+                check_target(path)
+        if self.video is not None and self.video.suffix not in (".png", ".gif"):
+            raise InvalidConfigurationError(f"--video writes .png or .gif, not '{self.video.suffix}'")
+
+
 def simulate(
     attempts: int = 2000,
     objects: Objects = ObjectSet(),  # noqa: B008 - frozen
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
-    screening: bool = True,
-    rotation: Literal["modes", "uniform"] = "modes",
-    engine: EngineName = "mujoco",
-    criterion: Literal["lift", "hold"] = "lift",
-    json: Path | None = None,
-    video: Path | None = None,
+    physics: Annotated[Physics, tyro.conf.OmitArgPrefixes] = Physics(),
+    outputs: Annotated[Outputs, tyro.conf.OmitArgPrefixes] = Outputs(),
 ) -> None:
     """Run lift tests on hand configurations drawn from the prior.
 
@@ -47,38 +82,25 @@ def simulate(
         objects: Which objects.
         seed: Same seed, same result, for any number of workers.
         workers: Processes.
-        screening: Decide certain outcomes without physics (same outcomes, faster).
-        rotation: The paper's prior of rotations, or uniform rotations for comparison.
-        engine: Physics of the attempts that screening cannot decide; pybullet is an optional extra of the package.
-        criterion: What success means: that the object was lifted, or that it was also held against six pushes.
-        json: Write the counts to this file.
-        video: Write what attempts looked like: a .png with rows of frames (successes, then drops), or a .gif of one.
+        physics: Of the lift test, and the prior of hands.
+        outputs: Files to write.
     """
-    _check_outputs(json, video)
-    config = LiftTestConfig(engine=engine, criterion=criterion)
-    if engine == "pybullet":
+    outputs.check()
+    config = LiftTestConfig(engine=physics.engine, criterion=physics.criterion)
+    if physics.engine == "pybullet":
         require()
     assets = objects.load()
-    priors = replace(Priors(), grasp=GraspPrior(rotation=rotation))
+    priors = replace(Priors(), grasp=GraspPrior(rotation=physics.rotation))
     start = perf_counter()
     with lift_testing(attempts) as progress:
-        trials = Simulation(assets, seed, priors, config, screening).run(attempts, workers, progress)
+        trials = Simulation(assets, seed, priors, config, physics.screening).run(attempts, workers, progress)
     summary = count_trials(trials, assets, perf_counter() - start)
     _print_table(summary)
-    if json is not None:
-        origin = {"seed": seed, "split": objects.split, "rotation": rotation, "engine": engine, "criterion": criterion}
-        write_json(json, summary | origin, indent=2)
-    if video is not None:
-        _film(trials, assets, config, video)
-
-
-def _check_outputs(json: Path | None, video: Path | None) -> None:
-    """Refuse before the work, not after it."""
-    for path in (json, video):
-        if path is not None:
-            check_target(path)
-    if video is not None and video.suffix not in (".png", ".gif"):
-        raise InvalidConfigurationError(f"--video writes .png or .gif, not '{video.suffix}'")
+    if outputs.json is not None:
+        asked = {name: value for name, value in vars(physics).items() if name != "screening"}
+        write_json(outputs.json, summary | {"seed": seed, "split": objects.split} | asked, indent=2)
+    if outputs.video is not None:
+        _film(trials, assets, config, outputs.video)
 
 
 _HEADINGS = {"unreachable": "unrch", "collision": "colld", "no_contact": "empty", "dropped": "drop", "success": "succ"}

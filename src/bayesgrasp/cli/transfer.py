@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from bayesgrasp.cli.benchmark import print_skipped, search_config
+import tyro
+
+from bayesgrasp.cli.benchmark import Contest, print_skipped
 from bayesgrasp.cli.object_set import Objects, ObjectSet
 from bayesgrasp.cli.progress import benchmarking
 from bayesgrasp.evaluation.strategies import STRATEGIES
@@ -15,18 +19,31 @@ from bayesgrasp.workflows.evaluate import Evaluation, Transfer, shifts_named
 from bayesgrasp.workflows.load import model_directory
 
 
+@dataclass(frozen=True)
+class Running:
+    """How it is computed.
+
+    Attributes:
+        workers: Processes.
+        resume: Go on with the run in --out, or start it where there is none.
+    """
+
+    workers: int = os.cpu_count() or 1
+    resume: bool = False
+
+
+CONTEST = Contest(("map_image", "mle_image", "plan"))
+
+
 def transfer(
     out: Path,
     model: Path | None = None,
     attempts: int = 1000,
     objects: Objects = ObjectSet(),  # noqa: B008 - frozen
     seed: int = 0,
-    strategies: tuple[str, ...] = ("map_image", "mle_image", "plan"),
+    contest: Annotated[Contest, tyro.conf.OmitArgPrefixes] = CONTEST,
     shifts: tuple[str, ...] = (),
-    starts: int = 1,
-    steps: int = 20,
-    workers: int = os.cpu_count() or 1,
-    resume: bool = False,
+    running: Annotated[Running, tyro.conf.OmitArgPrefixes] = Running(),
 ) -> None:
     """Measure what strategies lose to another engine, other objects, and another sensor.
 
@@ -42,28 +59,25 @@ def transfer(
         attempts: Scenes, which is attempts of each strategy under each shift; objects take turns.
         objects: Which objects.
         seed: Same seed, same scenes and plans, for any number of workers.
-        strategies: Which ones, as `bayesgrasp benchmark` names them; `all` for all of them.
+        contest: Which strategies meet; `all` for all of them.
         shifts: Which ones, as `bayesgrasp benchmark` names them; by default all of them.
-        starts: Ascents for each grasp type; the paper's search has 1.
-        steps: Of each ascent; the paper's search has 20.
-        workers: Processes.
-        resume: Go on with the run in --out, or start it where there is none.
+        running: How it is computed.
     """
     named = shifts_named(shifts)
     evaluation = Evaluation.of(
         model_directory(model),
         objects.load(),
         objects.split,
-        strategies=STRATEGIES if "all" in strategies else strategies,
+        strategies=STRATEGIES if "all" in contest.strategies else contest.strategies,
         seed=seed,
-        search=search_config(starts, steps),
+        search=contest.search,
     )
     print_skipped(evaluation)
     losses = Transfer(evaluation, out)
     with sole_writer(out):
         for shift in named:
             with benchmarking(attempts, shift.name) as progress:
-                directory = losses.run(shift, attempts, workers, resume=resume, progress=progress)
+                directory = losses.run(shift, attempts, running.workers, resume=running.resume, progress=progress)
             print(f"wrote {directory}")
         print(markdown_transfer(losses.write()), end="")
     print(f"wrote {out}")
