@@ -1,7 +1,8 @@
 """The one entry point: finds the command, turns its signature into options, and turns our errors into one line.
 
 A command is a typed, documented function in a file of its own; it is imported only when it is the one to run, so
-that ``bayesgrasp --help`` answers at once.
+that ``bayesgrasp --help`` answers at once; so does ``bayesgrasp COMMAND --help``, for which what the file works with is
+only outlined (`cli.outline`).
 
 Exit codes: 0 done; 2 wrong input or options, or a disk that is full or refuses, said in one line; 3 `plan` found no
 grasp, and says why; 130 interrupted (Ctrl-C); 143 terminated (SIGTERM); 141 standard output was closed by its reader.
@@ -13,7 +14,9 @@ import importlib.metadata
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import takewhile
 
 from bayesgrasp.cli.endings import (
     EXIT_CLOSED,
@@ -25,6 +28,7 @@ from bayesgrasp.cli.endings import (
     output_is_closed,
     turn_output_off,
 )
+from bayesgrasp.cli.outline import outlined
 from bayesgrasp.errors import BayesgraspError
 from bayesgrasp.files import NO_ROOM
 
@@ -143,9 +147,14 @@ def _run(name: str, options: list[str], end: OrderlyEnd) -> None:
     # Imported here, so that `bayesgrasp --help` does not wait for it.
     import tyro
 
-    command = COMMANDS[name].load()
-    end.loaded()
-    tyro.cli(command, prog=f"bayesgrasp {name}", args=options, config=(tyro.conf.DisallowNone,))
+    with outlined() if _asks_for_help(options) else nullcontext():
+        command = COMMANDS[name].load()
+        end.loaded()
+        tyro.cli(command, prog=f"bayesgrasp {name}", args=options, config=(tyro.conf.DisallowNone,))
+
+
+def _asks_for_help(options: list[str]) -> bool:
+    return not {"--help", "-h"}.isdisjoint(takewhile(lambda word: word != "--", options))
 
 
 def _find(words: list[str]) -> str:
