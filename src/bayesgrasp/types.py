@@ -38,6 +38,29 @@ class Outcome(IntEnum):
     DIVERGED = 5
 
 
+UNSTATED_HAND = "2bb59372800730d3d0e200f31669352fc85f090a7d8ad840137f37ee851b3150"
+"""SHA-256 of the hand of data sets and models that state only its name: the Robotiq 3-Finger, as it always was."""
+
+
+@dataclass(frozen=True)
+class HandIdentity:
+    """Which hand something was made with: the name of its description, and the SHA-256 of all that it says."""
+
+    name: str
+    sha256: str = UNSTATED_HAND
+
+    def compare(self, other: HandIdentity) -> str:
+        """In words, this hand and not the other one; empty where they are the same."""
+        if self == other:
+            return ""
+        if self.name != other.name:
+            return f"the gripper {self.name!r}, not for {other.name!r}"
+        return (
+            f"the gripper {self.name!r} of description {self.sha256[:8]}, not for {other.name!r} of description "
+            f"{other.sha256[:8]}"
+        )
+
+
 @dataclass(frozen=True)
 class Hands:
     """A batch of hand configurations h = (x, R, g), for learning and inference (torch).

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import fake_world
@@ -28,7 +29,8 @@ def model(directory: Path, seed: int) -> Path:
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("diagnose") / "data"
-    Run(open_store(directory, fake_world.manifest(), False), fake_world.recipe(), 3000).execute(InProcess())
+    manifest = replace(fake_world.manifest(), gripper=robotiq_3f().name)
+    Run(open_store(directory, manifest, False), fake_world.recipe(), 3000).execute(InProcess())
     return directory
 
 

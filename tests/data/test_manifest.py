@@ -124,3 +124,14 @@ def test_the_fingerprint_is_that_of_the_very_data() -> None:
         fingerprint(replace(MANIFEST, seed=2), entries),
     )
     assert len({name, *others}) == 4
+
+
+def test_a_set_is_of_a_hand_and_an_earlier_one_of_the_first(store: Store) -> None:
+    other = replace(MANIFEST, gripper_sha256=64 * "0")
+    assert "'none' of description" in other.hand.compare(MANIFEST.hand)
+    assert other.identity != MANIFEST.identity
+    content = MANIFEST.to_dict()
+    del content["checksum"], content["gripper_sha256"]
+    store.manifest_path.write_text(json.dumps(content))
+    assert store.manifest() == MANIFEST
+    assert "gripper_sha256" not in MANIFEST.identity  # such sets go on with --resume

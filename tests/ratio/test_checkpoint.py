@@ -21,7 +21,7 @@ from bayesgrasp.ratio.kinds import build
 from bayesgrasp.ratio.local import LocalConfig
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.training.train_estimator import initialised
-from bayesgrasp.types import Hands
+from bayesgrasp.types import UNSTATED_HAND, HandIdentity, Hands
 from bayesgrasp.workflows.load import PAPER_MODEL
 
 HAND = "robotiq-3f"
@@ -57,7 +57,20 @@ def test_a_model_gives_the_same_values_after_a_round_trip(
 
 def test_another_gripper_is_refused(directory: Path) -> None:
     with pytest.raises(CheckpointError, match="'robotiq-3f', not for 'hand-e'"):
-        load_model(directory, gripper="hand-e")
+        load_model(directory, hand=HandIdentity("hand-e"))
+
+
+def test_another_description_of_the_same_name_is_refused(directory: Path) -> None:
+    load_model(directory, hand=HandIdentity(HAND))
+    with pytest.raises(CheckpointError, match=f"description {UNSTATED_HAND[:8]}, not for 'robotiq-3f' of .* 00000000"):
+        load_model(directory, hand=HandIdentity(HAND, 64 * "0"))
+
+
+def test_a_card_without_a_hash_is_of_the_one_hand_that_there_was(directory: Path) -> None:
+    edit(directory, gripper_sha256=None)
+    load_model(directory, hand=HandIdentity(HAND))
+    with pytest.raises(CheckpointError, match="not for"):
+        load_model(directory, hand=HandIdentity(HAND, 64 * "0"))
 
 
 def test_another_camera_is_refused(directory: Path) -> None:
@@ -130,6 +143,7 @@ def test_a_wrong_entry_is_refused(directory: Path, change: dict[str, object], me
         ({"schema": "1"}, "has schema '1'"),
         ({"gripper": 3}, "gripper must be a name, got 3"),
         ({"gripper": "x" * 10**5}, "gripper must be a name"),
+        ({"gripper_sha256": "robotiq"}, "gripper_sha256 must be the SHA-256"),
         ({"camera": {"intrinsics": {}}}, "missing: width"),
         ({"camera": [1]}, "`intrinsics` must be an object"),
         ({"prior": {"kappa": "30"}}, "kappa must be a finite number, got '30'"),
@@ -295,6 +309,14 @@ def test_models_of_other_objects_are_not_joined(directory: Path, tmp_path: Path)
     success_ratio = initialised(lambda: build("success_ratio", SuccessRatioConfig()), 7)
     save_model(tmp_path / "other", {"success_ratio": success_ratio}, Origin(HAND, objects=("bowl",)))
     with pytest.raises(CheckpointError, match="objects differ"):
+        join_models([directory, tmp_path / "other"], tmp_path / "joined")
+
+
+def test_models_of_other_descriptions_are_not_joined(directory: Path, tmp_path: Path) -> None:
+    success_ratio = initialised(lambda: build("success_ratio", SuccessRatioConfig()), 7)
+    origin = Origin(HAND, objects=("mug",), gripper_sha256=64 * "0")
+    save_model(tmp_path / "other", {"success_ratio": success_ratio}, origin)
+    with pytest.raises(CheckpointError, match="gripper_sha256 differ"):
         join_models([directory, tmp_path / "other"], tmp_path / "joined")
 
 

@@ -11,7 +11,7 @@ from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
 from bayesgrasp.robot.physics_scene import TABLE_GEOM, new_spec
 from bayesgrasp.robot.robotiq_3f import FINGERTIP_FORCE, JOINT_1_RANGE, free_closing, robotiq_3f
-from bayesgrasp.types import GraspType
+from bayesgrasp.types import UNSTATED_HAND, GraspType
 
 PERIOD, STEPS = 0.01, 5
 
@@ -138,3 +138,26 @@ def test_a_description_without_a_grasp_type_is_refused() -> None:
     gripper: GripperDescription = robotiq_3f()
     with pytest.raises(InvalidConfigurationError, match="PINCH"):
         replace(gripper, preshapes={g: gripper.preshapes[g] for g in (GraspType.BASIC, GraspType.WIDE)})
+
+
+def test_the_hash_of_a_description_tells_every_change_of_it() -> None:
+    hand = robotiq_3f()
+    assert hand.identity.sha256 == UNSTATED_HAND == robotiq_3f().identity.sha256
+    palm, *others = hand.links
+    faster = replace(hand.motors[0], speed=hand.motors[0].speed * 1.0001)
+    thinner = replace(palm, shapes=(replace(palm.shapes[0], size=(0.048, 0.0525, 0.057)),))
+    spread = {**hand.preshapes, GraspType.WIDE: hand.preshapes[GraspType.PINCH]}
+    changed = [
+        replace(hand, closing_depth=0.131),
+        replace(hand, motors=(faster, *hand.motors[1:])),
+        replace(hand, links=(thinner, *others)),
+        replace(hand, preshapes=spread),
+        replace(hand, unmodelled_contacts=()),
+    ]
+    assert len({UNSTATED_HAND, *(one.identity.sha256 for one in changed)}) == 1 + len(changed)
+
+
+def test_rounding_does_not_change_the_hash_of_a_description() -> None:
+    hand = robotiq_3f()
+    moved = replace(hand.motors[0], torque=np.nextafter(hand.motors[0].torque, 9.0))
+    assert replace(hand, motors=(moved, *hand.motors[1:])).identity == hand.identity

@@ -7,7 +7,7 @@ import pytest
 import torch
 from training_set import MANIFEST, make_training_set
 
-from bayesgrasp.errors import CheckpointError
+from bayesgrasp.errors import CheckpointError, DataError
 from bayesgrasp.ratio.checkpoint import load_model
 from bayesgrasp.training.presets import Part
 from bayesgrasp.training.train_estimator import Progress, TrainConfig
@@ -53,6 +53,13 @@ def test_training_starts_from_another_model_of_the_same_hand(data: Path, model: 
     other = make_training_set(tmp_path / "other", 3000, manifest=replace(MANIFEST, gripper="two-fingers"))
     with pytest.raises(CheckpointError, match="not for 'two-fingers'"):
         train(other, tmp_path / "nothing", options, start=model)
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_practice_of_another_hand_is_refused(data: Path, tmp_path: Path) -> None:
+    other = make_training_set(tmp_path / "other", 300, manifest=replace(MANIFEST, gripper_sha256=64 * "0"))
+    with pytest.raises(DataError, match=r"other is for the gripper 'robotiq-3f' of description 00000000, not for"):
+        train(data, tmp_path / "nothing", practice=[other])
     assert not (tmp_path / "nothing").exists()
 
 

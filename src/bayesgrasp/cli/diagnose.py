@@ -16,10 +16,12 @@ from bayesgrasp.diagnostics.posterior_report import Report
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.files import write_json
 from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.seeding import Stream, generator
 from bayesgrasp.workflows.calibrate import CalibrationJob, calibrate
 from bayesgrasp.workflows.load import model_directory
 from bayesgrasp.workflows.success_pairs import Attempted, SuccessPairs, simulated_pairs, stored_pairs
+from bayesgrasp.workflows.training_data import check_hands
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,9 @@ class Successes:
     def pairs(self, seed: int, workers: int) -> tuple[SuccessPairs, Iterator[Attempted]]:
         """Read or simulate them."""
         if self.data is not None:
-            rng = generator(seed, Stream.DIAGNOSED_PAIR)
-            return stored_pairs(GraspDataset(self.data), "test", self.truths, rng)
+            dataset, rng = GraspDataset(self.data), generator(seed, Stream.DIAGNOSED_PAIR)
+            check_hands([dataset], robotiq_3f().identity)
+            return stored_pairs(dataset, "test", self.truths, rng)
         objects, count = load_objects(self.split, self.ycb_dir), self.fresh or 0
         with counting("successes", count) as progress:
             return simulated_pairs(objects, count, seed, workers, progress)

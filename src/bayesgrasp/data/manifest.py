@@ -17,7 +17,7 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.files import parsed_json
 from bayesgrasp.plain_data import restored
 from bayesgrasp.sealed import sealed, unsealed
-from bayesgrasp.types import Outcome
+from bayesgrasp.types import UNSTATED_HAND, HandIdentity, Outcome
 
 TABLES = ("attempts", "scenes")
 Given = Literal["image", "object", "nothing"]
@@ -37,6 +37,7 @@ class Manifest:
         version: Version of the program.
         totals: Counts when the run ended: attempts, scenes, outcomes by name, per object; empty before.
         schema_version: Of the shards.
+        gripper_sha256: Of the gripper's description.
 
     Raises:
         InvalidConfigurationError: No attempts, or a negative seed.
@@ -51,12 +52,18 @@ class Manifest:
     version: str = ""
     totals: dict[str, Any] = field(default_factory=dict)
     schema_version: int = SCHEMA_VERSION
+    gripper_sha256: str = UNSTATED_HAND
 
     def __post_init__(self) -> None:
         if self.attempts < 1:
             raise InvalidConfigurationError(f"the number of attempts must be at least 1, got {self.attempts}")
         if self.seed < 0:
             raise InvalidConfigurationError(f"the seed must be at least 0, got {self.seed}")
+
+    @property
+    def hand(self) -> HandIdentity:
+        """The hand that it was made with."""
+        return HandIdentity(self.gripper, self.gripper_sha256)
 
     @property
     def given(self) -> Given:
@@ -72,13 +79,15 @@ class Manifest:
     @property
     def identity(self) -> dict[str, Any]:
         """Everything that the content of a chunk depends on."""
-        return {
+        content = {
             "schema_version": self.schema_version,
             "seed": self.seed,
             "gripper": self.gripper,
             "objects": self.objects,
             "config": self.config,
         }
+        # Left out where sets that do not state it leave it out, so that they can be added to.
+        return content | ({} if self.gripper_sha256 == UNSTATED_HAND else {"gripper_sha256": self.gripper_sha256})
 
     def to_dict(self) -> dict[str, Any]:
         """As the content of its file, sealed."""

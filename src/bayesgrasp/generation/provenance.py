@@ -29,6 +29,7 @@ def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: Sc
     }
     if isinstance(config.camera, AnyCamera):
         settings["stereo"] = asdict(world.stereo)
+    hand = world.gripper.identity
     return Manifest(
         seed=seed,
         config=json.loads(json.dumps(settings, default=str)),  # as it will be read back: tuples become lists
@@ -36,7 +37,8 @@ def describe(world: SimulatedWorld, config: GenerateConfig, seed: int, scene: Sc
             {"id": asset.id, "sha256": object_hash(asset), "split": asset.split, "mass_kg": asset.mass_kg}
             for asset in world.objects
         ],
-        gripper=world.gripper.name,
+        gripper=hand.name,
+        gripper_sha256=hand.sha256,
         attempts=attempts,
         commit=source_commit(),
         version=metadata.version("bayesgrasp"),

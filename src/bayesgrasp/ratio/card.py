@@ -25,6 +25,7 @@ from bayesgrasp.ratio.delivery import Delivery
 from bayesgrasp.ratio.kinds import KINDS_OF_ROLE, LIMITS
 from bayesgrasp.ratio.model import POWER, ROLES, route_given_image
 from bayesgrasp.sealed import sealed, unsealed
+from bayesgrasp.types import UNSTATED_HAND, HandIdentity
 
 SCHEMA = 1
 CARD = "card.json"
@@ -61,6 +62,7 @@ def read_card(directory: Path) -> dict[str, Any]:
         card = unsealed(card)
     except ValueError as error:
         raise CheckpointError(f"the card {path}: {error}; take the model from where it came, or train again") from error
+    card.setdefault("gripper_sha256", UNSTATED_HAND)
     _check_entries(card, path)
     _check_objects(card, path)
     if "delivery" in card and tuple(card["delivery"]["weights"]) != promising_weights(card):
@@ -74,14 +76,19 @@ def promising_weights(card: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(estimators[role]["sha256"] for role in route_given_image(estimators) or ())
 
 
-def check_card(card: Mapping[str, Any], directory: Path, gripper: str | None, camera: Camera) -> None:
+def trained_hand(card: Mapping[str, Any]) -> HandIdentity:
+    """The hand that a model is for."""
+    return HandIdentity(card["gripper"], card["gripper_sha256"])
+
+
+def check_card(card: Mapping[str, Any], directory: Path, hand: HandIdentity | None, camera: Camera) -> None:
     """Refuse a model that was made for something else.
 
     Raises:
         CheckpointError: Another gripper or camera.
     """
-    if gripper is not None and card["gripper"] != gripper:
-        raise CheckpointError(f"the model {directory} is for the gripper {card['gripper']!r}, not for {gripper!r}")
+    if hand is not None and (another := trained_hand(card).compare(hand)):
+        raise CheckpointError(f"the model {directory} is for {another}")
     if different := _differences(Camera.from_dict(card["camera"]).to_dict(), camera.to_dict()):
         raise CheckpointError(
             f"the model {directory} was trained for another camera: {different}; train a model for this camera"
@@ -123,6 +130,10 @@ def _check_objects(card: Mapping[str, Any], path: Path) -> None:
 
 def _is_word(value: Any) -> bool:
     return isinstance(value, str) and 0 < len(value) <= 200 and value.isprintable()
+
+
+def _is_sha256(value: Any) -> bool:
+    return isinstance(value, str) and bool(re.fullmatch("[0-9a-f]{64}", value))
 
 
 def _is_word_or_none(value: Any) -> bool:
@@ -188,18 +199,14 @@ def _check_estimator(role: str, entry: Any) -> None:
         raise CheckpointError(
             f"the {role} estimator is of unknown kind {shown(entry['kind'])}; known: {', '.join(KINDS_OF_ROLE[role])}"
         )
-    digest = entry["sha256"]
-    if (
-        not isinstance(digest, str)
-        or not re.fullmatch("[0-9a-f]{64}", digest)
-        or not isinstance(entry["metrics"], dict)
-    ):
+    if not _is_sha256(entry["sha256"]) or not isinstance(entry["metrics"], dict):
         raise CheckpointError(f"the entry of {role} needs a SHA-256 and metrics, got {shown(entry)}")
 
 
 ENTRIES: dict[str, tuple[Callable[[Any], bool], str]] = {
     "schema": (lambda value: True, "the schema"),
     "gripper": (_is_word, "a name"),
+    "gripper_sha256": (_is_sha256, "the SHA-256 of a description"),
     "camera": (_is_camera, "a camera"),
     "estimators": (_are_estimators, "estimators by role"),
     "prior": (_is_prior, "the prior of hands"),

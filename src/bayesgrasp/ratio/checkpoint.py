@@ -28,9 +28,12 @@ from bayesgrasp.ratio.tensor_file import (
     read_weights,
     write_tensors,
 )
+from bayesgrasp.types import UNSTATED_HAND, HandIdentity
 
-SAME = ("gripper", "camera", "prior", "objects")
+SAME = ("gripper", "gripper_sha256", "camera", "prior", "objects")
 """What models must share to be joined."""
+STATED = ("gripper", "gripper_sha256", "data", "commit", "success_rate", "cameras")
+"""What an origin says in a card as it is."""
 ROOM = 1_000_000
 """So many weights may be made for nothing, so that a small mismatch is told by the name of the weights."""
 
@@ -48,6 +51,7 @@ class Origin:
         success_rate: p(S=1) under the prior, in the training data; None if unknown.
         objects: Names of the training meshes, in the order of their index.
         cameras: Where the training images were taken from, canonical or any.
+        gripper_sha256: Of the gripper's description.
     """
 
     gripper: str
@@ -58,10 +62,11 @@ class Origin:
     success_rate: float | None = None
     objects: tuple[str, ...] = ()
     cameras: str = "canonical"
+    gripper_sha256: str = UNSTATED_HAND
 
     def to_dict(self) -> dict[str, Any]:
         """As the content of a card."""
-        content = {name: getattr(self, name) for name in ("gripper", "data", "commit", "success_rate", "cameras")}
+        content = {name: getattr(self, name) for name in STATED}
         return content | {"camera": self.camera.to_dict(), "prior": dict(self.prior), "objects": list(self.objects)}
 
 
@@ -98,19 +103,19 @@ def save_model(
     write_card(directory, {"schema": SCHEMA, **origin.to_dict(), "estimators": entries, **(extra or {})})
 
 
-def load_model(directory: Path, *, gripper: str | None = None, camera: Camera | None = None) -> GraspModel:
-    """Read a model for use with a gripper and a canonical camera.
+def load_model(directory: Path, *, hand: HandIdentity | None = None, camera: Camera | None = None) -> GraspModel:
+    """Read a model for use with a hand and a canonical camera.
 
     Args:
         directory: Where `save_model` wrote it.
-        gripper: The gripper that will be used; of any gripper if None.
+        hand: The hand that will be used; of any hand if None.
         camera: The camera that images are brought to; `canonical_camera()` if None.
 
     Raises:
         CheckpointError: Missing, damaged, or made for another schema, gripper or camera.
     """
     card = read_card(directory)
-    check_card(card, directory, gripper, canonical_camera() if camera is None else camera)
+    check_card(card, directory, hand, canonical_camera() if camera is None else camera)
     estimators: dict[str, nn.Module] = {}
     for role, entry in card["estimators"].items():
         estimators[role] = _load_estimator(directory / f"{role}.safetensors", entry)

@@ -10,15 +10,18 @@ Frames: the hand frame of a description is x = approach, y = closing direction, 
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float64
 
 from bayesgrasp.errors import InvalidConfigurationError
-from bayesgrasp.types import GraspType
+from bayesgrasp.types import GraspType, HandIdentity
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -114,7 +117,7 @@ class GripperDescription:
     """A hand: everything that the simulators and the planner know about it.
 
     Attributes:
-        name: Identity; models trained for one gripper are refused for another.
+        name: What users call it; see `identity`.
         links: Parents before children; the first is the palm.
         motors: One per finger.
         couplings: Passive tendons.
@@ -148,6 +151,12 @@ class GripperDescription:
             raise InvalidConfigurationError(f"gripper {self.name}: every link needs a positive mass")
 
     @property
+    def identity(self) -> HandIdentity:
+        """Its name and a hash of all else; data sets and models made with one hand are refused for another."""
+        content = json.dumps(_stated(dataclasses.replace(self, name="")), sort_keys=True)
+        return HandIdentity(self.name, hashlib.sha256(content.encode()).hexdigest())
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in the order of the links."""
         return tuple(link.joint.name for link in self.links if link.joint)
@@ -161,3 +170,16 @@ class GripperDescription:
     def tendon(self, motor: Motor, angles: Float64[np.ndarray, "joints"]) -> float:
         """Length of a motor's tendon (radians) at the given joint angles."""
         return float(sum(w * angles[self.joint_names.index(n)] for n, w in motor.weights.items()))
+
+
+def _stated(value: Any) -> Any:
+    """A description as JSON values, without what is at its default: a field that is added later changes no hash."""
+    if dataclasses.is_dataclass(value):
+        fields = ((one, getattr(value, one.name)) for one in dataclasses.fields(value))
+        return {one.name: _stated(item) for one, item in fields if item != one.default}
+    if isinstance(value, Mapping):
+        return {str(key): _stated(item) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_stated(item) for item in value]
+    # Sines differ in their last bit between machines, and -0.0 is 0.0.
+    return f"{value + 0.0:.9g}" if isinstance(value, float | int) else value

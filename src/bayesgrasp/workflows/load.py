@@ -93,7 +93,7 @@ def usable_device(name: str | torch.device) -> torch.device:
 
 def load_trained(model: Path | str | None = None) -> GraspModel:
     """A trained model for the Robotiq 3-Finger, without a planner around it; arguments and errors of `load_planner`."""
-    return load_model(model_directory(model), gripper=robotiq_3f().name)
+    return load_model(model_directory(model), hand=robotiq_3f().identity)
 
 
 def _check_answers(model: GraspModel) -> None:

@@ -18,7 +18,7 @@ from bayesgrasp.training.presets import Part, PresetName, preset
 from bayesgrasp.training.train_estimator import TrainConfig
 from bayesgrasp.training.train_model import Watch, train_model
 from bayesgrasp.workflows.load import trained_prior, usable_device
-from bayesgrasp.workflows.training_data import familiarity_of, origin_of, setup_of, sources_by_role
+from bayesgrasp.workflows.training_data import check_hands, familiarity_of, origin_of, setup_of, sources_by_role
 
 STATE = "state"
 """Below the directory of a model: the states of a run, which may go on."""
@@ -84,7 +84,7 @@ def train(
     Raises:
         FileError: Another process is writing to ``out``, or the disk is full.
         CheckpointError: There is a run in ``out`` already, or its state is of another run, or ``start`` is no model.
-        DataError: There is no data set, or not enough in it.
+        DataError: There is no data set, or not enough in it, or practice is for another hand.
         InvalidConfigurationError: The device cannot be used.
     """
     out, options = Path(out), options or TrainOptions()
@@ -92,10 +92,11 @@ def train(
         raise CheckpointError(f"{out} holds a run already: give --resume to go on with it, or another directory")
     dataset, device = GraspDataset(data), str(usable_device(device))
     parts, sets = options.parts_for(dataset), [GraspDataset(directory) for directory in practice]
+    check_hands(sets, dataset.manifest.hand)
     sources = sources_by_role(parts, dataset, sets, options.batch_size, options.schedule.seed)
     origin = origin_of(dataset)
     extra: dict[str, Any] = {"preset": options.preset, "familiarity": familiarity_of(dataset)}
-    begin = None if start is None else load_model(start, gripper=dataset.manifest.gripper).estimators
+    begin = None if start is None else load_model(start, hand=dataset.manifest.hand).estimators
     with sole_writer(out):
         trained = train_model(
             parts,

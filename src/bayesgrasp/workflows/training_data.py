@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,7 +34,7 @@ from bayesgrasp.robot.motion import MotionConfig, reached
 from bayesgrasp.training.objectives import HandSuccessObjective
 from bayesgrasp.training.presets import Part, Setup
 from bayesgrasp.training.sources import Sources, scene_sources, with_blind_practice, with_practice
-from bayesgrasp.types import Outcome
+from bayesgrasp.types import HandIdentity, Outcome
 from bayesgrasp.workflows.load import trained_prior
 
 FAMILIARITY_IMAGES = 1000
@@ -101,6 +101,17 @@ def planar_refresh(dataset: GraspDataset) -> PlanarRefresh:
         raise DataError(f"the manifest of the data set does not state its scenes as they are now: {error}") from error
 
 
+def check_hands(datasets: Iterable[GraspDataset], hand: HandIdentity) -> None:
+    """Refuse data sets of another hand.
+
+    Raises:
+        DataError: There is one.
+    """
+    for dataset in datasets:
+        if another := dataset.manifest.hand.compare(hand):
+            raise DataError(f"the data set {dataset.store.directory} is for {another}")
+
+
 def setup_of(dataset: GraspDataset) -> Setup:
     """What the estimators must fit, by the manifest of the data."""
     prior = prior_of(dataset)
@@ -127,6 +138,7 @@ def origin_of(dataset: GraspDataset) -> Origin:
     content = json.dumps([dataset.manifest.identity, dataset.manifest.totals], sort_keys=True)
     return Origin(
         gripper=dataset.manifest.gripper,
+        gripper_sha256=dataset.manifest.gripper_sha256,
         prior=prior_of(dataset),
         data=hashlib.sha256(content.encode()).hexdigest()[:16],
         commit=source_commit() or None,
