@@ -70,6 +70,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "generate": Command("generate:generate", "Simulate lift tests and depth images, and keep them for training."),
     "train": Command("train:train", "Train likelihood-to-evidence ratio estimators on a data set."),
+    "mix": Command("mix:mix", "Mix the weights of a model with those that its training started from."),
     "benchmark": Command(
         "benchmark:benchmark", "Measure the success rates of the paper's strategies and of two baselines."
     ),

@@ -145,12 +145,18 @@ def join_models(directories: Sequence[Path], out: Path) -> None:
         fitted = {**joined.get(POWER, {}), **model.card.get(POWER, {})}
         joined = {**model.card, "estimators": {**joined["estimators"], **model.card["estimators"]}, POWER: fitted}
         estimators |= model.estimators
-    make_directory(out)
-    for role, estimator in estimators.items():
-        joined["estimators"][role] = {**joined["estimators"][role], "sha256": _write_weights(out, role, estimator)}
+    joined["estimators"] = save_estimators(out, estimators, joined["estimators"])
     if "delivery" in joined and tuple(joined["delivery"]["weights"]) != promising_weights(joined):
         del joined["delivery"]  # of other weights than are joined here
     write_card(out, joined)
+
+
+def save_estimators(
+    directory: Path, estimators: Mapping[str, nn.Module], entries: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Write weights for a card that has their entries already; returns the entries with the new checksums."""
+    make_directory(directory)
+    return {role: {**entries[role], "sha256": _write_weights(directory, role, e)} for role, e in estimators.items()}
 
 
 def kind_of(estimator: nn.Module) -> str:

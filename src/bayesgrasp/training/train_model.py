@@ -89,7 +89,7 @@ def _train_part(
     def begin() -> nn.Module:
         estimator = build(part.kind, part.config)
         if start is not None:
-            load_weights(estimator, _weights_for(estimator, start), f"the {part.role} estimator to start from")
+            load_weights(estimator, weights_for(estimator, start), f"the {part.role} estimator to start from")
         return estimator
 
     return train_estimator(
@@ -104,7 +104,7 @@ def _train_part(
     )
 
 
-def _weights_for(estimator: nn.Module, start: nn.Module) -> dict[str, Tensor]:
+def weights_for(estimator: nn.Module, start: nn.Module) -> dict[str, Tensor]:
     """The weights of a trained estimator; local evidence may be looked up at more points than it did."""
     if isinstance(estimator, LocalSuccess) and isinstance(start, LocalSuccess):
         return estimator.weights_from(start)
