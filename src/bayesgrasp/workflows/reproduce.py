@@ -32,7 +32,8 @@ from bayesgrasp.viewer.story import draw_story
 from bayesgrasp.workflows.calibrate import CalibrationJob, calibrate
 from bayesgrasp.workflows.evaluate import Evaluation
 from bayesgrasp.workflows.generate import GenerateJob, generate
-from bayesgrasp.workflows.load import load_planner, trained_prior
+from bayesgrasp.workflows.load import load_planner, model_directory, trained_prior
+from bayesgrasp.workflows.mix import mix
 from bayesgrasp.workflows.practise import PracticeJob, practise
 from bayesgrasp.workflows.scales import SCALES, Scale, ScaleName
 from bayesgrasp.workflows.stages import Stages, Watcher
@@ -95,7 +96,9 @@ class Experiment:
 
     def stages(self) -> dict[str, Callable[[], None]]:
         """By name, in order."""
-        stages: dict[str, Callable[[], None]] = {"data": self.generate, "training": self.train}
+        stages: dict[str, Callable[[], None]] = {"data": self.generate}
+        if self.scale.start is None:
+            stages["training"] = self.train
         for number in range(1, len(self.scale.rounds) + 1):
             stages[f"practice {number}"] = partial(self.practise, number)
             if self.scale.rounds[number - 1].epochs:
@@ -133,6 +136,7 @@ class Experiment:
             scenes=one.scenes,
             estimator=one.estimator,
             deform=one.deform,
+            cameras=self.scale.cameras,
             seed=self.seed + number,
             explore=one.explore,
         )
@@ -149,9 +153,13 @@ class Experiment:
         self._train(self._model(number), (one.estimator,), epochs, one.learning_rate, practice, start)
 
     def join(self) -> None:
-        """The last version of every estimator as one model."""
-        trained = [n + 1 for n, one in enumerate(self.scale.rounds) if one.epochs]
-        join_models([self._model(number) for number in (0, *trained)], self.out / "model")
+        """The last version of every estimator as one model, mixed with the one that it started from."""
+        trained = [self._model(n + 1) for n, one in enumerate(self.scale.rounds) if one.epochs]
+        if self.scale.start is None:
+            join_models([self._model(0), *trained], self.out / "model")
+        else:
+            join_models(trained, self.out / "model-further")
+            mix(self.out / "model-further", model_directory(self.scale.start), self.scale.kept, self.out / "model")
 
     def calibrate(self) -> None:
         """Calibration on the test scenes."""
@@ -189,6 +197,8 @@ class Experiment:
         earlier = [
             n + 1 for n, one in enumerate(self.scale.rounds[: number - 1]) if one.epochs and one.estimator == estimator
         ]
+        if not earlier and self.scale.start is not None:
+            return model_directory(self.scale.start)
         return self._model(max(earlier, default=0))
 
     def _model(self, number: int) -> Path:

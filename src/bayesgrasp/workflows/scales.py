@@ -51,6 +51,8 @@ class Scale:
         preset, estimators, batch_size, learning_rate: See `bayesgrasp train`.
         epochs: Passes over the training scenes of each estimator; those without an image cost little and need many.
         rounds: Practice after the first training.
+        start: Name of a shipped model that is trained further, instead of a first training.
+        kept: Share of the start in the weights of the result; see `bayesgrasp mix`.
         truths, proposals: See `bayesgrasp diagnose`.
         scenes: Of each benchmark.
         judged: Splits that are benchmarked.
@@ -74,6 +76,8 @@ class Scale:
     judged: tuple[str, ...]
     rounds: tuple[Round, ...] = ()
     cameras: CameraLaw = "canonical"
+    start: str | None = None
+    kept: float = 0.0
     demo: str = "household_carton"
 
 
@@ -130,19 +134,21 @@ SCALES: dict[ScaleName, Scale] = {
         draws_per_chunk=8,
         preset="best",
         estimators=("success",),
-        epochs={"success": 6},
+        epochs={},
         batch_size=16,
-        learning_rate=1e-3,
+        learning_rate=7e-4,
         truths=1000,
         proposals=10_000,
         scenes=1000,
         judged=("train", "unseen", "procedural:200@77"),
         rounds=(
             Round("success", scenes=1216, epochs=0, deform=BENT_COPIES, explore=12, split="train"),
-            Round("success", scenes=5120, epochs=20, learning_rate=1e-3, explore=12),
-            Round("success", scenes=1216, epochs=0, deform=BENT_COPIES, split="train"),
-            Round("success", scenes=4096, epochs=8),
+            Round("success", scenes=3072, epochs=5, learning_rate=7e-4, explore=12),
+            Round("success", scenes=1024, epochs=0, deform=BENT_COPIES, explore=3, split="train"),
+            Round("success", scenes=4096, epochs=3, explore=3),
         ),
+        start="paper",
+        kept=0.25,
         cameras="any",
     ),
 }
