@@ -1,5 +1,6 @@
 """Screening's certainties, each against a slower way of knowing."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
 from bayesgrasp.lift.hand_kinematics import CLEARANCE, HandKinematics, shape_points
 from bayesgrasp.lift.screening import HandAlone, below_table
 from bayesgrasp.objects.catalogue import load_objects
+from bayesgrasp.robot.gripper import GripperDescription
 from bayesgrasp.robot.motion import hand_pose
 from bayesgrasp.robot.physics_scene import ObjectState, planar_pose
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
@@ -53,7 +55,24 @@ def test_below_table_is_the_lowest_point(kinematics: HandKinematics) -> None:
         assert below_table(position, down, points, radii)[0] == expected
 
 
+def shorter_thumb() -> GripperDescription:
+    """The Robotiq 3-Finger without the last link of its thumb: fingers of unequal joints."""
+    hand, joint = robotiq_3f(), "joint_3_a"
+    *motors, thumb = hand.motors
+    thumb = replace(thumb, weights={name: w for name, w in thumb.weights.items() if name != joint})
+    shapes = {
+        g: replace(s, angles={name: a for name, a in s.angles.items() if name != joint})
+        for g, s in hand.preshapes.items()
+    }
+    links = tuple(link for link in hand.links if link.name != "distal_a")
+    couplings = tuple(one for one in hand.couplings if joint not in one.weights)
+    return replace(hand, links=links, motors=(*motors, thumb), couplings=couplings, preshapes=shapes)
+
+
 @pytest.mark.parametrize("grasp_type", list(GraspType))
+@pytest.mark.parametrize(
+    "kinematics", [HandKinematics(robotiq_3f()), HandKinematics(shorter_thumb())], ids=["3f", "short"]
+)
 def test_what_can_be_touched_contains_the_hand_at_every_moment(
     kinematics: HandKinematics, grasp_type: GraspType
 ) -> None:

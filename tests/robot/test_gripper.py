@@ -140,6 +140,37 @@ def test_a_description_without_a_grasp_type_is_refused() -> None:
         replace(gripper, preshapes={g: gripper.preshapes[g] for g in (GraspType.BASIC, GraspType.WIDE)})
 
 
+PALM, *OTHERS = robotiq_3f().links
+KNUCKLE = OTHERS[0]
+MOTOR, *MOTORS = robotiq_3f().motors
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"links": ()}, "it has no links"),
+        ({"links": (replace(PALM, mass=0.0), *OTHERS)}, "positive mass, and 'palm' has 0.0 kg"),
+        ({"links": (replace(PALM, mass=float("nan")), *OTHERS)}, "positive mass"),
+        ({"links": (replace(PALM, shapes=()), *OTHERS)}, "the link 'palm' has no shape"),
+        ({"links": (*OTHERS, PALM)}, "the parent 'palm' of 'knuckle_b' must be a link before it"),
+        ({"links": (PALM, PALM, *OTHERS)}, "two links are named 'palm'"),
+        ({"links": (PALM, replace(KNUCKLE, joint=replace(KNUCKLE.joint, axis=(0.0, 2.0, 0.0))))}, "unit vector"),
+        ({"links": (PALM, replace(KNUCKLE, joint=replace(KNUCKLE.joint, range=(1.0, 0.0))))}, "from low to high"),
+        ({"links": (PALM, replace(KNUCKLE, joint=replace(KNUCKLE.joint, preload=1.0)))}, "preload and no stiffness"),
+        ({"holders": {"scissor_b": 8.0}}, r"no motor, coupling or holder moves the joints \['scissor_c'\]"),
+        ({"motors": (replace(MOTOR, weights={"elbow": 1.0}),)}, r"no joint named \['elbow'\]"),
+        ({"motors": (replace(MOTOR, torque=0.0), *MOTORS)}, "'motor_b' needs a positive torque"),
+        ({"motors": (replace(MOTOR, weights={}), MOTOR, *MOTORS)}, "'motor_b' pulls no joint"),
+        ({"preshapes": {}}, "no pre-shape for"),
+        ({"preshapes": {g: replace(s, travel=0.0) for g, s in robotiq_3f().preshapes.items()}}, "cannot close"),
+    ],
+)
+def test_a_description_that_is_no_hand_is_refused_with_one_line(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidConfigurationError, match=f"gripper robotiq-3f: .*({message})") as refused:
+        replace(robotiq_3f(), **change)
+    assert "\n" not in str(refused.value)
+
+
 def test_the_hash_of_a_description_tells_every_change_of_it() -> None:
     hand = robotiq_3f()
     assert hand.identity.sha256 == UNSTATED_HAND == robotiq_3f().identity.sha256

@@ -9,6 +9,7 @@ within hull and margin; the tests check this along the closing motion, `benchmar
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from itertools import pairwise, product
 
 import mujoco
@@ -16,6 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
+from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.separation import Halfspaces
 from bayesgrasp.lift.free_closing import MARGIN, FreeClosing
 from bayesgrasp.robot.gripper import GripperDescription, Shape
@@ -34,6 +36,8 @@ SAMPLE_SPACING = 2.0 * (CLEARANCE - MARGIN)
 
 _FIRST_STEPS, _OTHER_STEPS = 9, 4
 """Angles of a finger's first joint in the grid, and of its others."""
+_MOST_OTHERS = 5
+"""Joints beside the first: more make a grid of more than 10,000 nodes."""
 _SECTORS = 3
 """Parts of the first joint's travel with a region of their own; one region for all of it would be mostly air."""
 _YIELD = math.radians(1.0)
@@ -149,7 +153,12 @@ class HandKinematics:
 
     def _poses(self, grasp_type: GraspType) -> list[tuple[Float64[np.ndarray, "joints"], int]]:
         """All fingers at once through a grid of the joint angles that couplings allow, with the sector of each node."""
-        others = len(self.gripper.motors[0].weights) - 1
+        others = max(map(len, self._fingers)) - 1
+        if others > _MOST_OTHERS:
+            raise InvalidConfigurationError(
+                f"gripper {self.gripper.name}: a motor and its couplings move {others + 1} joints; at most "
+                f"{_MOST_OTHERS + 1} can be screened"
+            )
         grid = product(np.linspace(0.0, 1.0, _FIRST_STEPS), *[np.linspace(0.0, 1.0, _OTHER_STEPS)] * others)
         nodes = [(self._pose(grasp_type, node, held), node[0]) for node in grid for held in (-_YIELD, _YIELD)]
         # A little less than the number of sectors: the end of the travel belongs to the last one.
@@ -161,13 +170,25 @@ class HandKinematics:
         index = gripper.joint_names.index
         ranges = {link.joint.name: link.joint.range for link in gripper.links if link.joint}
         pose = gripper.open_angles(grasp_type)
-        for motor in gripper.motors:
-            for name, fraction in zip(motor.weights, fractions, strict=True):
+        for joints in self._fingers:
+            for name, fraction in zip(joints, fractions, strict=False):  # the longest finger has one for each joint
                 low, high = ranges[name]
                 pose[index(name)] = low + fraction * (high - low)
         for name in gripper.holders:
             pose[index(name)] += held
         return pose
+
+    @cached_property
+    def _fingers(self) -> list[list[str]]:
+        """Names of the joints of each motor: those that it pulls, then those that couplings tie to them."""
+        fingers = []
+        for motor in self.gripper.motors:
+            joints = dict.fromkeys(motor.weights)
+            for coupling in self.gripper.couplings:
+                if joints.keys() & coupling.weights.keys():
+                    joints |= dict.fromkeys(coupling.weights)
+            fingers.append(list(joints))
+        return fingers
 
     def _allowed(self, angles: Float64[np.ndarray, "joints"]) -> bool:
         """Whether the couplings' stops allow these angles."""

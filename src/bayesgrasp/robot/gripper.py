@@ -13,8 +13,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -137,18 +139,54 @@ class GripperDescription:
     unmodelled_contacts: tuple[tuple[str, str], ...] = field(default=())
 
     def __post_init__(self) -> None:
-        joints = {link.joint.name for link in self.links if link.joint}
+        for problem in chain(self._problems_of_links(), self._problems_of_names(), self._problems_of_closing()):
+            raise InvalidConfigurationError(f"gripper {self.name}: {problem}")
+
+    def _problems_of_links(self) -> Iterator[str]:
+        if not self.links:
+            yield "it has no links; the first one is the palm"
+        known: set[str | None] = {None}
+        for link in self.links:
+            if link.name in known:
+                yield f"two links are named {link.name!r}"
+            if link.parent not in known:
+                yield f"the parent {link.parent!r} of {link.name!r} must be a link before it"
+            if not link.mass > 0:
+                yield f"every link needs a positive mass, and {link.name!r} has {link.mass} kg"
+            if not link.shapes:
+                yield f"the link {link.name!r} has no shape"
+            known.add(link.name)
+            if link.joint is not None:
+                yield from _problems_of_joint(link.joint)
+
+    def _problems_of_names(self) -> Iterator[str]:
+        joints, driven = set(self.joint_names), set(self.holders)
+        if len(joints) < len(self.joint_names):
+            yield f"two joints have one name; its joints are {sorted(self.joint_names)}"
         tendons: tuple[Motor | Coupling, ...] = (*self.motors, *self.couplings)
-        named = {n for tendon in tendons for n in tendon.weights} | set(self.holders)
-        named |= {n for shape in self.preshapes.values() for n in shape.angles}
-        if unknown := named - joints:
-            raise InvalidConfigurationError(
-                f"gripper {self.name}: no joint named {sorted(unknown)}; its joints are {sorted(joints)}"
-            )
+        for tendon in tendons:
+            driven |= set(tendon.weights)
+        if unknown := driven.union(*(shape.angles for shape in self.preshapes.values())) - joints:
+            yield f"no joint named {sorted(unknown)}; its joints are {sorted(joints)}"
+        if idle := joints - driven:
+            yield f"no motor, coupling or holder moves the joints {sorted(idle)}"
+
+    def _problems_of_closing(self) -> Iterator[str]:
+        if not self.motors:
+            yield "it has no motor, so it cannot close"
+        for motor in self.motors:
+            if not motor.weights:
+                yield f"the motor {motor.name!r} pulls no joint"
+            if not (0 < motor.torque <= motor.holding_torque and motor.speed > 0):
+                yield f"the motor {motor.name!r} needs a positive torque, one at least as large to hold, and a speed"
+        for coupling in self.couplings:
+            if coupling.preload and not coupling.stiffness:
+                yield f"the coupling {coupling.name!r} has a preload and no stiffness"
         if missing := set(GraspType) - set(self.preshapes):
-            raise InvalidConfigurationError(f"gripper {self.name}: no pre-shape for {[m.name for m in missing]}")
-        if any(link.mass <= 0 for link in self.links):
-            raise InvalidConfigurationError(f"gripper {self.name}: every link needs a positive mass")
+            yield f"no pre-shape for {[m.name for m in missing]}"
+        for grasp_type, shape in self.preshapes.items():
+            if all(self.tendon(motor, self.open_angles(grasp_type)) >= shape.travel for motor in self.motors):
+                yield f"it cannot close in the grasp type {grasp_type!r}: no motor has travel left, {shape.travel}"
 
     @property
     def identity(self) -> HandIdentity:
@@ -170,6 +208,15 @@ class GripperDescription:
     def tendon(self, motor: Motor, angles: Float64[np.ndarray, "joints"]) -> float:
         """Length of a motor's tendon (radians) at the given joint angles."""
         return float(sum(w * angles[self.joint_names.index(n)] for n, w in motor.weights.items()))
+
+
+def _problems_of_joint(joint: Joint) -> Iterator[str]:
+    if not math.isclose(math.hypot(*joint.axis), 1.0, abs_tol=1e-6):
+        yield f"the axis of {joint.name!r} must be a unit vector, got {joint.axis}"
+    if not joint.range[0] < joint.range[1]:
+        yield f"the range of {joint.name!r} must go from low to high, got {joint.range}"
+    if joint.preload and not joint.stiffness:
+        yield f"the joint {joint.name!r} has a preload and no stiffness"
 
 
 def _stated(value: Any) -> Any:

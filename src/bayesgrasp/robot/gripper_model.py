@@ -104,7 +104,8 @@ def _add_coupling(spec: mujoco.MjSpec, coupling: Coupling) -> None:
     tendon.range = coupling.range
     tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     tendon.stiffness[0] = coupling.stiffness
-    tendon.springlength = [coupling.range[0] - coupling.preload / coupling.stiffness] * 2
+    if coupling.stiffness:
+        tendon.springlength = [coupling.range[0] - coupling.preload / coupling.stiffness] * 2
     tendon.solref_limit = (ELASTIC_TIME, 1.0)
 
 
