@@ -1,5 +1,6 @@
 """The demo tells its story in words and in one picture, whatever becomes of the grasp."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def show(monkeypatch: pytest.MonkeyPatch, planner: Planner, rule, chance: float,
     """Plan by a rule that knows where hands are good, each with the same chance of success."""
     thinker = replace(planner, likelihood=TrainedLikelihood(rule, lambda value: 0 * value + chance))
     monkeypatch.setattr(command, "load_planner", lambda model: thinker)
-    main(["demo", "--object", "household_carton", "--seed", "2", "--out", str(out)])
+    main(["demo", "--object", "household_carton", "--seed", "2", "--out", str(out), "--json", f"{out}.json"])
     return np.asarray(Image.open(out))
 
 
@@ -53,6 +54,9 @@ def test_a_grasp_is_planned_tried_and_drawn(
     assert "planned in" in printed
     assert "Lift test of the first grasp: success." in printed
     assert "the lift" in printed
+    written = json.loads((tmp_path / "story.png.json").read_text())
+    assert written["outcome"] == "success"
+    assert written["situation"]["asset"] == "household_carton"
     assert story[-150:].std() > 20, "the film strip shows something"
 
 

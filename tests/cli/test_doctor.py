@@ -1,6 +1,8 @@
 """The doctor's report: true where it can be checked, in words where something is missing."""
 
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -73,3 +75,38 @@ def test_the_command_prints_words_and_writes_json(tmp_path: Path, capsys: pytest
     out = capsys.readouterr().out
     assert report["packages"]["torch"] in out
     assert all(sentence in out for sentence in report["missing"])
+
+
+def test_fix_makes_the_cache_and_removes_what_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cache = tmp_path / "cache"
+    doctor(fix=True)
+    assert cache.is_dir()
+    assert f"made the cache directory {cache}" in capsys.readouterr().out
+    old, new, kept = (cache / name for name in (".parts.1234.part", ".parts.5678.part", "parts"))
+    for path in (old, new, kept):
+        path.touch()
+    for path in (old, kept):
+        os.utime(path, (0, 0))
+    doctor(fix=True)
+    assert f"removed {old}" in capsys.readouterr().out
+    assert [path for path in (old, new, kept) if path.exists()] == [new, kept]
+
+
+def test_fix_installs_what_is_missing_or_says_why_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = []
+
+    def run(words: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        asked.append(words[-1])
+        return subprocess.CompletedProcess(words, asked[-1] == "nowhere", "", "no such thing")
+
+    monkeypatch.setattr(
+        module.importlib.metadata, "requires", lambda _: ["numpy", "absent>=1", "nowhere", 'x; extra == "ray"']
+    )
+    monkeypatch.setattr(module.subprocess, "run", run)
+    doctor(fix=True)
+    assert asked == ["absent", "nowhere"]
+    said = capsys.readouterr().out
+    assert "installed absent" in said
+    assert "could not install nowhere: no such thing" in said

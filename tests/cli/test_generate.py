@@ -29,7 +29,10 @@ def test_a_small_set_on_a_real_object(tmp_path: Path, capsys: pytest.CaptureFixt
     image = next(iter(dataset.scenes("all").batches(0))).images
     assert ((image == 0) | ((image >= 0.45 - 1e-4) & (image <= 1.0 + 1e-4))).all()
     assert 0.5 < (image > 0).float().mean() < 1
-    inspect(out, verify=True)
+    inspect(out, verify=True, json=tmp_path / "set.json")
+    written = json.loads((tmp_path / "set.json").read_text())["per_object"]["household_drink_can"]
+    assert written["attempts"] == 100
+    assert written["outcomes"] == manifest["totals"]["outcomes"]
     printed = capsys.readouterr().out
     assert "household_drink_can" in printed
     assert "bytes an attempt" in printed

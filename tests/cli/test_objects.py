@@ -48,8 +48,10 @@ def test_list_marks_scans_that_are_not_cut_yet(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_show_describes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show("household_coffee_mug", out=tmp_path / "mug.png")
+    show("household_coffee_mug", out=tmp_path / "mug.png", json=tmp_path / "mug.json")
     out = capsys.readouterr().out
+    written = json.loads((tmp_path / "mug.json").read_text())
+    assert (written["id"], written["mass_kg"], written["parts"]) == ("household_coffee_mug", 0.3, 16)
     assert "16 convex" in out
     assert "0.3 kg" in out
     picture = np.asarray(Image.open(tmp_path / "mug.png"))
@@ -99,7 +101,8 @@ def test_fetch_reports_every_failure(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_show_draws_all_objects_of_a_split(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "things.png"
-    show(split="procedural:5@3", out=target)
+    show(split="procedural:5@3", out=target, json=tmp_path / "things.json")
+    assert len(json.loads((tmp_path / "things.json").read_text())) == 5
     assert "objects      5, " in capsys.readouterr().out
     with Image.open(target) as picture:
         assert picture.size == (3 * 154, 2 * 154)

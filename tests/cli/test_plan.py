@@ -11,8 +11,8 @@ from box_scene import Box, box_depth_image
 import bayesgrasp
 from bayesgrasp.cli.main import main
 from bayesgrasp.errors import CheckpointError
-from bayesgrasp.geometry.camera import canonical_camera
-from bayesgrasp.observation.depth_files import write_depth_png
+from bayesgrasp.geometry.camera import Camera, canonical_camera
+from bayesgrasp.observation.depth_files import read_depth, write_depth_png
 from bayesgrasp.prior.grasp import GraspPrior
 from bayesgrasp.ratio.checkpoint import Origin, save_model
 from bayesgrasp.ratio.estimators import GlobalSuccess, ImageConfig, ImageRatio, SuccessRatio, SuccessRatioConfig
@@ -56,15 +56,47 @@ def test_plan_prints_ranked_grasps_and_writes_json_and_figure(files, tmp_path, c
     assert f"{len(content['grasps'])}. " in printed
     assert "planned in" in printed
     assert content["reason"] is None
-    assert content["posterior"]["samples"] == 200
+    assert content["samples"]["hands"] == 200
     assert content["timings_ms"]["total"] > 0
     assert figure.stat().st_size > 20_000
     for grasp in content["grasps"]:
         assert GraspType[grasp["grasp_type"].upper()] in GraspType
         assert math.isfinite(grasp["log_posterior"])
         assert 0 <= grasp["success_probability"] <= 1
-        joints = [q for phase in grasp["joint_path"] for q in phase["joints"]]
+        joints = [q for path in grasp["motion"].values() for q in path]
         assert {len(q) for q in joints} == {6}
+
+
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+def test_samples_are_written_as_python_has_them(files, tmp_path, suffix) -> None:
+    path = tmp_path / f"samples.{suffix}"
+    command(files, "--samples", "50", "--samples-out", str(path))
+    written = np.load(path) if suffix == "npz" else json.loads(path.read_text())
+    camera = Camera.load(files / "camera.json")
+    plan = bayesgrasp.load(files / "model").plan(read_depth(files / "depth.png"), camera, samples=50)
+    hands = plan.samples.hands
+    for name in ("position", "rotation", "grasp_type"):
+        np.testing.assert_allclose(written[name], getattr(hands, name), atol=1e-6)
+    for name in ("log_prob", "success_probability"):
+        np.testing.assert_allclose(written[name], getattr(plan.posterior, name)(hands), rtol=1e-4, atol=1e-5)
+    assert float(written["acceptance"]) == plan.samples.acceptance
+
+
+def test_names_in_json_are_those_of_python(files) -> None:
+    camera = Camera.load(files / "camera.json")
+    limits = bayesgrasp.Constraints(lowest=-0.1)
+    plan = bayesgrasp.load(files / "model").plan(read_depth(files / "depth.png"), camera, samples=5, constraints=limits)
+    content = plan.to_dict()
+    for inner, thing in [
+        (content, plan),
+        (content["observed"], plan.observed),
+        (content["samples"], plan.samples),
+        (content["samples"]["evidence"], plan.samples.evidence),
+        (content["constraints"], plan.constraints),
+        (content["grasps"][0], plan.grasps[0]),
+        (content["grasps"][0]["motion"], plan.grasps[0].motion),
+    ]:
+        assert [name for name in inner if not hasattr(thing, name)] == []
 
 
 def test_limits_are_kept_and_echoed(files, tmp_path, capsys) -> None:
@@ -83,7 +115,7 @@ def test_limits_are_kept_and_echoed(files, tmp_path, capsys) -> None:
     }
     assert content["grasps"]
     assert {grasp["grasp_type"] for grasp in content["grasps"]} <= {"pinch", "wide"}
-    assert all(grasp["position"][1] > -0.12 for grasp in content["grasps"])
+    assert all(grasp["hand_to_world"]["position"][1] > -0.12 for grasp in content["grasps"])
 
 
 def test_limits_that_leave_nothing_are_a_reason(files, capsys) -> None:
@@ -127,7 +159,7 @@ def test_a_camera_without_a_pose_is_enough(files, tmp_path, capsys) -> None:
     assert content["grasps"]
     assert any("camera_to_world was not given" in warning for warning in content["warnings"])
     # In the camera frame the hand is in front of the camera, near the object.
-    assert 0.3 < content["grasps"][0]["in_camera_frame"]["position"][2] < 0.9
+    assert 0.3 < content["grasps"][0]["hand_to_camera"]["position"][2] < 0.9
     assert "warning: camera_to_world" in capsys.readouterr().out
 
 
@@ -150,7 +182,11 @@ def test_wrong_files_are_one_line_and_exit_code_2(files, capsys, change, words) 
 
 
 def test_nothing_is_planned_for_outputs_that_cannot_be_written(files, capsys, tmp_path) -> None:
-    for option in (("--json", str(tmp_path / "no" / "plan.json")), ("--figure", str(tmp_path / "plan.gif"))):
+    for option in (
+        ("--json", str(tmp_path / "no" / "plan.json")),
+        ("--figure", str(tmp_path / "plan.gif")),
+        ("--samples-out", str(tmp_path / "samples.csv")),
+    ):
         with pytest.raises(SystemExit):
             command(files, *option)
         assert option[1] in capsys.readouterr().err

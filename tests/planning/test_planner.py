@@ -104,16 +104,17 @@ def test_hand_in_the_camera_frame_is_the_same_hand(plan) -> None:
 
 def test_plain_data_is_json_with_the_promised_keys(plan) -> None:
     content = json.loads(json.dumps(plan.to_dict()))
-    assert {"grasps", "reason", "timings_ms", "misspecification"} <= content.keys()
+    assert {"grasps", "reason", "timings_ms", "observed"} <= content.keys()
     assert {"view", "scene", "encode", "search", "reach", "samples", "total"} == content["timings_ms"].keys()
     for grasp in content["grasps"]:
-        rotation = np.array(grasp["rotation"])
-        turned = Rotation.from_quat(grasp["quaternion"], scalar_first=True).as_matrix()
+        pose = grasp["hand_to_world"]
+        rotation = np.array(pose["rotation"])
+        turned = Rotation.from_quat(pose["quaternion"], scalar_first=True).as_matrix()
         np.testing.assert_allclose(turned, rotation, atol=1e-6)
-        assert len(grasp["position"]) == 3
+        assert len(pose["position"]) == 3
         assert grasp["grasp_type"] in {"basic", "wide", "pinch"}
-        assert [phase["phase"] for phase in grasp["joint_path"]] == ["pre_grasp", "approach", "close", "lift"]
-    assert content["posterior"]["samples"] == 300
+        assert list(grasp["motion"]) == ["transit", "approach", "lift"]
+    assert content["samples"]["hands"] == 300
 
 
 def test_an_unknown_success_probability_is_no_number_in_json(thumb_planner, depth) -> None:
@@ -180,7 +181,7 @@ def test_unlike_images_are_flagged(thumb_planner, depth) -> None:
     assert not plan.observed.familiar
     assert plan.observed.unfamiliarity > 1
     assert any("unlike the training images" in warning for warning in plan.warnings)
-    assert plan.to_dict()["misspecification"]["unfamiliar"]
+    assert not plan.to_dict()["observed"]["familiar"]
 
 
 def test_without_a_pose_the_grasp_is_given_in_the_camera_frame(thumb_planner) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import asdict, astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -13,12 +14,14 @@ from bayesgrasp.data.effective import Effective, effective_successes
 from bayesgrasp.data.loader import GraspDataset
 from bayesgrasp.data.manifest import TABLES
 from bayesgrasp.data.sheet import draw_sheet
-from bayesgrasp.files import check_target, write_through
+from bayesgrasp.files import check_target, write_json, write_through
 from bayesgrasp.generation.run import totals
 from bayesgrasp.types import Outcome
 
 
-def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, seed: int = 0) -> None:
+def inspect(
+    directory: Path, sheet: Path | None = None, verify: bool = False, seed: int = 0, json: Path | None = None
+) -> None:
     """Print the manifest, the outcomes, the success of each object, what its hands are worth and the disk use.
 
     Successful hands of scenes are counted, and how many independent ones they are worth by their weights: `weight` is
@@ -29,7 +32,10 @@ def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, se
         sheet: Where the picture goes; by default sheet.png in the data set.
         verify: Also compare every file with its checksum.
         seed: Which images are drawn.
+        json: Write the numbers of the tables to this file.
     """
+    if json is not None:
+        check_target(json)
     dataset = GraspDataset(directory)
     _print_manifest(dataset)
     if verify:
@@ -40,6 +46,8 @@ def inspect(directory: Path, sheet: Path | None = None, verify: bool = False, se
     _print_outcomes(dataset, counts["per_object"])
     print(f"{counts['scenes']} images")
     _print_disk(directory, counts["attempts"], counts["scenes"])
+    if json is not None:
+        write_json(json, _numbers_of(dataset, counts))
     if counts["scenes"]:
         _print_effective(dataset)
         _draw(dataset, sheet or directory / "sheet.png", seed)
@@ -69,6 +77,22 @@ def _print_outcomes(dataset: GraspDataset, per_object: dict[str, list[int]]) -> 
     table.add_section()
     table.add_row("all", str(sum(total)), *map(str, total), f"{total[Outcome.SUCCESS] / sum(total):.2%}", f"{mean:.2%}")
     Console(width=max(Console().width, 150)).print(table)
+
+
+def _numbers_of(dataset: GraspDataset, counts: dict[str, Any]) -> dict[str, Any]:
+    """What the tables say, as JSON-able data."""
+    prior, names = _prior_rates(dataset), dataset.object_ids
+    per_object: dict[str, dict[str, Any]] = {}
+    for index, outcomes in counts["per_object"].items():
+        number = int(index)
+        per_object[names[number]] = {
+            "attempts": sum(outcomes),
+            "outcomes": {outcome.name.lower(): outcomes[outcome] for outcome in Outcome},
+            "success_rate": outcomes[Outcome.SUCCESS] / sum(outcomes),
+            "success_rate_under_prior": prior.get(number, 0.0),
+            "effective": asdict(effective_successes(dataset.scene_columns, number)) if counts["scenes"] else None,
+        }
+    return {"attempts": counts["attempts"], "scenes": counts["scenes"], "per_object": per_object}
 
 
 def _prior_rates(dataset: GraspDataset) -> dict[int, float]:

@@ -9,7 +9,7 @@ from bayesgrasp.cli.plan import describe
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.evaluation.demonstration import Demonstration, demonstrate
 from bayesgrasp.evaluation.scenes import Situation
-from bayesgrasp.files import check_target
+from bayesgrasp.files import check_target, write_json
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.viewer.story import draw_story
 from bayesgrasp.workflows.load import load_planner
@@ -30,6 +30,7 @@ def demo(
     out: Path = Path("demo.png"),
     model: Path | None = None,
     ycb_dir: Path | None = None,
+    json: Path | None = None,
 ) -> None:
     """Plan a grasp for a simulated object from its depth image, and try it.
 
@@ -42,12 +43,17 @@ def demo(
         out: Where the picture goes (.png).
         model: Directory of a trained model; by default the one that comes with the package.
         ycb_dir: Directory with YCB scans; by default $BAYESGRASP_YCB_DIR.
+        json: Write scene, plan and outcome to this file.
     """
     _check(out)
+    if json is not None:
+        check_target(json)
     planner = load_planner(model)
     shown = demonstrate(planner, load_objects([object], ycb_dir)[0], seed)
     draw_story(out, planner, shown)
     print_demonstration(shown, out)
+    if json is not None:
+        write_json(json, shown.to_dict())
 
 
 def print_demonstration(shown: Demonstration, picture: Path) -> None:

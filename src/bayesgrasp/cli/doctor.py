@@ -5,18 +5,23 @@ import importlib.resources
 import os
 import platform
 import re
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from bayesgrasp.errors import AssetError
-from bayesgrasp.files import write_json
+from bayesgrasp.errors import AssetError, clipped
+from bayesgrasp.files import PART, make_directory, write_json
 from bayesgrasp.meshes.cache_directory import cache_directory
 from bayesgrasp.objects import ycb
 
 FOR_DEVELOPERS = frozenset({"dev", "docs", "bench"})
 """Extras that no command needs."""
+LEFT_AFTER = 3600
+"""A file that is not finished after so many seconds never will be."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +55,40 @@ class Report:
     missing: list[str]
 
 
-def doctor(json: Path | None = None) -> None:
+def doctor(json: Path | None = None, fix: bool = False) -> None:
     """Report versions, hardware, caches, and what is missing.
 
     Args:
         json: Also write the report to this file.
+        fix: First mend what can be mended without asking: install missing packages with pip, make the cache directory,
+            and remove what killed processes left in it, an hour old or more.
     """
+    for sentence in mend() if fix else ():
+        print(sentence)
     report = examine()
     print("\n".join(_lines(report)))
     if json is not None:
         write_json(json, asdict(report), indent=2)
+
+
+def mend() -> Iterator[str]:
+    """Mend what can be mended; says what was done or why it was not, one sentence each."""
+    for name in (name for name, version in _versions()[0].items() if version is None):
+        done = subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", name], capture_output=True, text=True)
+        yield f"installed {name}" if done.returncode == 0 else f"could not install {name}: {clipped(done.stderr)}"
+    cache = cache_directory()
+    if not cache.exists() and _can_write(cache):
+        make_directory(cache)
+        yield f"made the cache directory {cache}"
+    for part in _left_parts(cache):
+        part.unlink(missing_ok=True)
+        yield f"removed {part}"
+
+
+def _left_parts(directory: Path) -> list[Path]:
+    """Files that nobody is writing to any more, though they were never finished."""
+    latest = time.time() - LEFT_AFTER
+    return [path for path in sorted(directory.rglob(f".*{PART}")) if path.is_file() and path.stat().st_mtime < latest]
 
 
 def examine() -> Report:

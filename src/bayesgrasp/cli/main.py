@@ -52,6 +52,11 @@ class Command:
         return loaded
 
 
+ENDS = (
+    "0 done; 2 wrong input; 3 `plan` found no grasp; 130 interrupted; 143 terminated; 141 output closed;\n"
+    "            1 a bug, with its traceback"
+)
+"""Exit codes, for `bayesgrasp --help`."""
 # In the order in which one would use them.
 COMMANDS: dict[str, Command] = {
     "demo": Command("demo:demo", "Plan a grasp for a simulated object from its depth image, and try it."),
@@ -89,6 +94,7 @@ COMMANDS: dict[str, Command] = {
         "reproduce:reproduce", "Run the whole experiment: data, training, diagnostics, benchmark, report."
     ),
     "doctor": Command("doctor:doctor", "Report versions, hardware, caches, and what is missing."),
+    "completion": Command("completion:completion", "Print a script that makes a shell complete commands and options."),
 }
 
 
@@ -185,5 +191,7 @@ def _overview(commands: dict[str, Command]) -> str:
             *lines,
             "",
             "`bayesgrasp COMMAND --help` lists the options of a command.",
+            "",
+            f"exit codes: {ENDS}",
         )
     )

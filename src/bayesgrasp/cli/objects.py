@@ -23,7 +23,7 @@ from bayesgrasp.objects import ycb
 from bayesgrasp.objects.catalogue import load_objects, object_ids
 from bayesgrasp.objects.fetch import FetchConfig
 from bayesgrasp.objects.fetch import fetch as fetch_one
-from bayesgrasp.objects.listing import Summary, summarise
+from bayesgrasp.objects.listing import Summary, summarise, summary_of
 from bayesgrasp.objects.object_asset import ObjectAsset
 from bayesgrasp.viewer.object_picture import object_picture, objects_picture
 
@@ -55,6 +55,7 @@ def show(
     convex: Literal["default", "paper"] = "default",
     split: str | None = None,
     out: Path | None = None,
+    json: Path | None = None,
 ) -> None:
     """Describe one object and draw it, its mesh and its convex parts, or draw all objects of a split.
 
@@ -66,15 +67,23 @@ def show(
         convex: How the mesh is cut into convex parts: by CoACD (default) or by V-HACD (paper).
         split: Draw these objects instead, at most 400, as `bayesgrasp objects list` takes them.
         out: The picture, .png; by default <id>.png, or objects.png, here.
+        json: Also write the description to this file, for all objects of a split a list.
     """
+    if json is not None:
+        check_target(json)
     if split is not None:
-        _show_all(_several(id, mesh, mass, split, ycb_dir, convex), out or Path("objects.png"))
+        assets = _several(id, mesh, mass, split, ycb_dir, convex)
+        _show_all(assets, out or Path("objects.png"))
+        if json is not None:
+            write_json(json, [asdict(summary_of(asset)) for asset in assets])
         return
     asset = _one(id, ycb_dir, mesh, mass, convex)
     target = out or Path(f"{asset.id}.png")
     check_target(target)
     print("\n".join(_description(asset)))
     _save(object_picture(asset), target)
+    if json is not None:
+        write_json(json, asdict(summary_of(asset)))
 
 
 def _show_all(assets: tuple[ObjectAsset, ...], target: Path) -> None:

@@ -19,11 +19,12 @@ from bayesgrasp.planning.figure import save_plan_figure
 from bayesgrasp.planning.plan import Plan
 from bayesgrasp.planning.planner import PlannerConfig
 from bayesgrasp.planning.selection import Rank, SelectionConfig
+from bayesgrasp.posterior.samples_file import check_samples_target, write_samples
 from bayesgrasp.types import GraspType
 from bayesgrasp.workflows.load import load_planner
 
-FIGURE_SAMPLES = 2000
-"""Draws behind the marginals of a figure."""
+SHOWN_SAMPLES = 2000
+"""Draws behind the marginals of a figure, or in a file, where no number is given."""
 Corners = tuple[float, float, float, float, float, float]
 """Lower and upper corner of a box."""
 
@@ -34,7 +35,7 @@ class Wanted:
 
     Attributes:
         top: How many grasps.
-        samples: How many draws from the posterior; 0 for none (2000 for a figure).
+        samples: How many draws from the posterior; 0 for none (2000 for a figure or a file of them).
         rank: What makes one grasp better than another: its probability of success, that of holding the object against
             pushes as well, or the posterior.
         seed: Same seed, same plan.
@@ -78,13 +79,17 @@ class Outputs:
     Attributes:
         json: Write the plan to this file.
         figure: Draw the plan into this file (.png, .pdf or .svg).
+        samples_out: Write draws from the posterior, as many as --samples, to this file (.npz or .json).
     """
 
     json: Path | None = None
     figure: Path | None = None
+    samples_out: Path | None = None
 
     def check(self) -> None:
         """Refuse before the work, not after it."""
+        if self.samples_out is not None:
+            check_samples_target(self.samples_out)
         for path in (self.json, self.figure):
             if path is not None:
                 check_target(path)
@@ -123,13 +128,15 @@ def plan(
     config = PlannerConfig(selection=SelectionConfig(rank=wanted.rank))
     planner = load_planner(model, device=device, config=config)
     planner = planner.refining_pose() if refine_pose else planner
-    samples = wanted.samples or (FIGURE_SAMPLES if outputs.figure else 0)
+    samples = wanted.samples or (SHOWN_SAMPLES if outputs.figure or outputs.samples_out else 0)
     answer = planner.plan(image, view, top=wanted.top, samples=samples, constraints=constraints, seed=wanted.seed)
     print(describe(answer))
     if outputs.json is not None:
         write_json(outputs.json, answer.to_dict())
     if outputs.figure is not None:
         save_plan_figure(outputs.figure, answer, image, view, planner.robot.hand)
+    if outputs.samples_out is not None and answer.samples is not None and answer.posterior is not None:
+        write_samples(outputs.samples_out, answer.samples, answer.posterior)
     if not answer.grasps:
         raise SystemExit(EXIT_NO_GRASP)
 

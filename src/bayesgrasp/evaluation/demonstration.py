@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from bayesgrasp.evaluation.scenes import SceneMaker, Situation
 from bayesgrasp.evaluation.strategies import first_grasp
@@ -32,6 +33,20 @@ class Demonstration:
     plan: Plan
     attempt: Attempts | None
     outcome: Outcome | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Scene, plan and outcome as plain data under the attributes' names; metres, radians."""
+        scene, nuisances = self.situation.scene, self.situation.nuisances
+        return {
+            "situation": {
+                "asset": self.situation.asset.id,
+                "pose": list(self.situation.pose),
+                "scene": {"scale": float(scene.scale[0])},
+                "nuisances": {"lateral_friction": float(nuisances.lateral_friction[0])},
+            },
+            "plan": self.plan.to_dict(),
+            "outcome": None if self.outcome is None else self.outcome.name.lower(),
+        }
 
 
 def demonstrate(planner: Planner, asset: ObjectAsset, seed: int = 0) -> Demonstration:

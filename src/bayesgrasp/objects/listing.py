@@ -12,6 +12,7 @@ from bayesgrasp.meshes.mesh_file import read_mesh
 from bayesgrasp.meshes.part_cache import peek
 from bayesgrasp.objects import ycb
 from bayesgrasp.objects.catalogue import available, load_objects, object_ids
+from bayesgrasp.objects.object_asset import ObjectAsset
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Summary:
 
     Attributes:
         id: Name in the catalogue.
-        source: "household", "procedural" or "ycb".
+        source: "household", "procedural", "ycb" or "file".
         split: See `catalogue.SPLITS`.
         mass_kg: Mass at scale 1.
         extents_m: Lengths of the bounding box along the axes of the object frame (of the file where not yet settled).
@@ -49,10 +50,15 @@ def summarise(which: str | Sequence[str] = "all", ycb_dir: Path | None = None) -
     ]
 
 
+def summary_of(asset: ObjectAsset) -> Summary:
+    """The line of an object that is loaded, whose convex parts are there."""
+    x, y, z = (round(float(length), 4) for length in asset.extents)
+    return Summary(asset.id, asset.source, asset.split, asset.mass_kg, (x, y, z), len(asset.parts))
+
+
 def _recipe(name: str) -> Summary:
     (asset,) = load_objects(name)
-    x, y, z = (round(float(length), 4) for length in asset.extents)
-    return Summary(name, asset.source, asset.split, asset.mass_kg, (x, y, z), len(asset.parts))
+    return summary_of(asset)
 
 
 def _scan(name: str, split: str, path: Path) -> Summary:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -54,24 +54,18 @@ class Grasp:
         return f"estimated success {100 * self.success_probability:.0f} %{held}"
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data; metres, radians, quaternions (w, x, y, z)."""
+        """As plain data under the attributes' names; metres, radians, quaternions (w, x, y, z), null for no number."""
         return {
-            **_pose_to_dict(self.hand_to_world),
+            "hand_to_world": _pose_to_dict(self.hand_to_world),
+            "hand_to_camera": _pose_to_dict(self.hand_to_camera),
             "grasp_type": self.grasp_type.name.lower(),
             "log_posterior": self.log_posterior,
-            "success_probability": self.success_probability if np.isfinite(self.success_probability) else None,
-            "held_probability": self.held_probability if np.isfinite(self.held_probability) else None,
-            "object_between_fingers": self.on_object,
-            "clearance": self.clearance if np.isfinite(self.clearance) else None,
-            "in_camera_frame": _pose_to_dict(self.hand_to_camera),
-            "joint_path": self._phases(),
+            "success_probability": _finite(self.success_probability),
+            "held_probability": _finite(self.held_probability),
+            "on_object": self.on_object,
+            "clearance": _finite(self.clearance),
+            "motion": {name: getattr(self.motion, name).tolist() for name in ("transit", "approach", "lift")},
         }
-
-    def _phases(self) -> list[dict[str, Any]]:
-        """The joint path by phase; closing moves the fingers only."""
-        motion = self.motion
-        angles = {"pre_grasp": motion.transit, "approach": motion.approach, "close": motion.approach[-1:]}
-        return [{"phase": name, "joints": path.tolist()} for name, path in (angles | {"lift": motion.lift}).items()]
 
 
 @dataclass(frozen=True)
@@ -102,17 +96,20 @@ class Plan:
         return self.observed.warnings
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data; with `constraints` where there were any."""
+        """As plain data under the attributes' names; with `constraints` where there were any."""
         return {
             "grasps": [grasp.to_dict() for grasp in self.grasps],
             "reason": self.reason,
             "warnings": list(self.warnings),
-            "misspecification": {"score": self.observed.unfamiliarity, "unfamiliar": not self.observed.familiar},
-            "camera_to_world": self.observed.camera_to_world.tolist(),
-            "posterior": _sample_to_dict(self.samples),
+            "observed": _observed_to_dict(self.observed),
+            "samples": _sample_to_dict(self.samples),
             "timings_ms": self.timings_ms,
             **({"constraints": self.constraints.to_dict()} if self.constraints.any else {}),
         }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _pose_to_dict(pose: Pose) -> dict[str, Any]:
@@ -120,9 +117,17 @@ def _pose_to_dict(pose: Pose) -> dict[str, Any]:
     return {"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist(), "quaternion": quaternion.tolist()}
 
 
+def _observed_to_dict(observed: Observed) -> dict[str, Any]:
+    return {
+        "camera_to_world": observed.camera_to_world.tolist(),
+        "unfamiliarity": observed.unfamiliarity,
+        "familiar": observed.familiar,
+    }
+
+
 def _sample_to_dict(samples: PosteriorSample | None) -> dict[str, Any] | None:
+    """How many draws there are and how good; `posterior.samples_file` writes the draws themselves."""
     if samples is None:
         return None
-    names = ("effective_sample_size", "acceptance", "jump_acceptance")
-    content = {"samples": len(samples.hands.grasp_type), "log_mean_ratio": samples.evidence.log_mean}
-    return content | {name: getattr(samples, name) for name in names}
+    quality = {name: getattr(samples, name) for name in ("effective_sample_size", "acceptance", "jump_acceptance")}
+    return {"hands": len(samples.hands.grasp_type), "evidence": asdict(samples.evidence)} | quality
