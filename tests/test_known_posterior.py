@@ -76,7 +76,7 @@ def successes(rng: np.random.Generator) -> Batch:
 def attempts(rng: np.random.Generator) -> Batch:
     """(S, h) from p(S, h): successes are drawn apart and weighted back, since they are rare."""
     many, few = 2048, 512
-    prior, successful = PRIOR.sample(many, rng), PROBLEM.sample_successes(few, rng).hands
+    prior, successful = PRIOR.sample(many, rng), successful_hands(few, rng)
     weight = torch.cat([1 - PROBLEM.log_success(prior).exp(), torch.full((few,), PROBLEM.success_rate * many / few)])
     success = torch.cat([torch.zeros(many), torch.ones(few)])
     return batch(Hands.cat([prior, successful]), success, weight, torch.zeros(1, 1, 1, 1))

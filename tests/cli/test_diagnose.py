@@ -39,7 +39,8 @@ def test_every_number_is_reported_and_every_figure_drawn(
 ) -> None:
     models = [model(tmp_path / name, seed) for seed, name in enumerate(("one", "two"))]
     words = ["--model", models[0], "--data", data, "--ensemble", models[1], "--truths", 20, "--proposals", 200]
-    main(["diagnose", *map(str, words), "--json", str(tmp_path / "report.json"), "--out", str(tmp_path / "figures")])
+    kept = ["--json", tmp_path / "report.json", "--out", tmp_path / "figures"]
+    main(["diagnose", *map(str, words + kept), "--workers", "1"])
     content = json.loads((tmp_path / "report.json").read_text())
     coverage = content["expected_coverage"]
     assert len(coverage["levels"]) == len(coverage["coverage"]) == 19

@@ -24,13 +24,13 @@ def fails(capsys: pytest.CaptureFixture[str], *args: str) -> str:
 
 def test_json_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report, picture = tmp_path / "report.json", tmp_path / "film.png"
-    options = ("--attempts", "300", "--split", "household_drink_can", "--workers", "1", "--seed", "3")
+    options = ("--attempts", "100", "--split", "household_drink_can", "--workers", "1", "--seed", "3")
     run(*options, "--json", str(report), "--video", str(picture))
     summary = json.loads(report.read_text())
-    assert summary["attempts"] == 300
-    assert sum(summary["outcomes"].values()) == 300
+    assert summary["attempts"] == 100
+    assert sum(summary["outcomes"].values()) == 100
     assert set(summary["outcomes"]) == {o.name.lower() for o in Outcome}
-    assert summary["success_rate"] == summary["outcomes"]["success"] / 300
+    assert summary["success_rate"] == summary["outcomes"]["success"] / 100
     assert summary["attempts_per_second"] > 0
     assert summary["per_object"]["household_drink_can"]["outcomes"] == summary["outcomes"]
     assert "household_drink_can" in capsys.readouterr().out

@@ -10,15 +10,11 @@ OPTIONS = ["--epochs", "3", "--batch-size", "8", "--preset", "paper", "--threads
 KILLS = 3
 
 
-def train(data: Path, out: Path, kills: int) -> str:
-    program = Path(__file__).parents[1] / "support" / "killed_training.py"
-    command = [sys.executable, str(program), str(kills), "1", str(out), "--data", str(data), *OPTIONS]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
-
-
 def test_a_killed_run_ends_with_the_weights_of_an_undisturbed_one(tmp_path: Path) -> None:
     make_training_set(tmp_path / "data", 2000)
-    train(tmp_path / "data", tmp_path / "whole", 0)
-    assert f"killed {KILLS} times" in train(tmp_path / "data", tmp_path / "killed", KILLS)
+    program = Path(__file__).parents[1] / "support" / "killed_training.py"
+    command = [sys.executable, program, str(KILLS), "1", tmp_path, "--data", tmp_path / "data", *OPTIONS]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert f"killed {KILLS} times" in done.stdout
     for name in ("success_ratio.safetensors", "image.safetensors"):
         assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()

@@ -1,7 +1,8 @@
-"""Runs ``bayesgrasp train`` again and again with SIGKILL at moments of its own, until it has been killed often enough.
+"""Runs ``bayesgrasp train`` undisturbed, and again and again with SIGKILL until it has been killed often enough.
 
 Started by `test_train_killed.py` as a program of its own: it imports everything once and forks for each run. A run is
-killed a random moment after its state was saved anew. Usage: ``killed_training.py KILLS SEED OUT OPTIONS...``.
+killed a random moment after its state was saved anew. The undisturbed model is in FOLDER/whole, the other one in
+FOLDER/killed. Usage: ``killed_training.py KILLS SEED FOLDER OPTIONS...``.
 """
 
 import os
@@ -25,14 +26,18 @@ def states(out: Path) -> set[tuple[str, int]]:
     return {(path.name, path.stat().st_mtime_ns) for path in (out / "state").glob("*.safetensors")}
 
 
-def killed(out: Path, options: list[str], patience: float) -> bool:
-    """Start a run and kill it a while after the next saved state; whether it was still running."""
-    before = states(out)
+def forked(out: Path, options: list[str]) -> int:
+    """Start a run in a process of its own."""
     child = os.fork()
     if child == 0:
         train(out, options)
         os._exit(0)
-    status = None
+    return child
+
+
+def killed(out: Path, options: list[str], patience: float) -> bool:
+    """Start a run and kill it a while after the next saved state; whether it was still running."""
+    before, child, status = states(out), forked(out, options), None
     while status is None and states(out) <= before:
         done, result = os.waitpid(child, os.WNOHANG)
         status = result if done else None
@@ -47,13 +52,14 @@ def killed(out: Path, options: list[str], patience: float) -> bool:
 
 
 def run() -> None:
-    kills, rng, out, options = int(sys.argv[1]), random.Random(int(sys.argv[2])), Path(sys.argv[3]), sys.argv[4:]
+    kills, rng, folder, options = int(sys.argv[1]), random.Random(int(sys.argv[2])), Path(sys.argv[3]), sys.argv[4:]
     torch.set_num_threads(1)  # a fork has no copies of the threads
-    count = 0
+    out, count = folder / "killed", 0
     while count < kills and killed(out, options, rng.uniform(0.0, 0.2)):
         count += 1
     sys.stdout.write(f"killed {count} times\n")
     train(out, options)
+    train(folder / "whole", options)
 
 
 if __name__ == "__main__":
