@@ -12,7 +12,7 @@ from bayesgrasp.ratio.local import LocalConfig, LocalSuccess
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.training.objectives import SuccessObjective
 from bayesgrasp.training.train_estimator import initialised
-from bayesgrasp.training.train_model import _weights_for
+from bayesgrasp.training.train_model import weights_for
 
 
 def network(held: bool) -> LocalSuccess:
@@ -25,7 +25,7 @@ def network(held: bool) -> LocalSuccess:
 def test_both_outputs_are_learned_and_the_first_is_as_without_the_second() -> None:
     batch = make_batch(2, 4, 0)
     one, two = network(False), network(True)
-    two.load_state_dict(_weights_for(two, one))
+    two.load_state_dict(weights_for(two, one))
     images = torch.linspace(0.5, 0.9, 2 * 20 * 32).reshape(2, 1, 20, 32)
     one.eval(), two.eval()
     context = two.encode(images)
