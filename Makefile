@@ -12,6 +12,8 @@ OUT := out
 # Two test processes, each with one thread per library, fill two cores.
 WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+# Kept even where the environment says otherwise: the tests start some dozens of processes that import everything.
+KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
 .PHONY: help demo test lint docs profile setup clean
 
@@ -29,7 +31,7 @@ demo: setup
 	$(BIN)/bayesgrasp demo --out $(OUT)/demo.png
 
 test: lint docs
-	$(ONE_THREAD) $(BIN)/pytest -q -n $(WORKERS) --dist worksteal
+	$(ONE_THREAD) $(KEEP_BYTECODE) $(BIN)/pytest -q -n $(WORKERS) --dist worksteal
 
 lint: setup
 	$(BIN)/ruff check
