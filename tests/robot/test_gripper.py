@@ -5,40 +5,26 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from closing_hand import PERIOD, ClosingHand
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.robot.gripper import GripperDescription
-from bayesgrasp.robot.gripper_model import GripperHandle, add_gripper
-from bayesgrasp.robot.physics_scene import TABLE_GEOM, new_spec
 from bayesgrasp.robot.robotiq_3f import FINGERTIP_FORCE, JOINT_1_RANGE, free_closing, robotiq_3f
 from bayesgrasp.types import UNSTATED_HAND, GraspType
 
-PERIOD, STEPS = 0.01, 5
 
-
-class Hand:
-    """The hand alone, fixed in space, with optional obstacles given as (type, size, position) in the hand frame."""
+class Hand(ClosingHand):
+    """The Robotiq 3-Finger, with obstacles."""
 
     def __init__(self, *obstacles: tuple[mujoco.mjtGeom, tuple[float, ...], tuple[float, ...]]) -> None:
-        spec = new_spec()
-        spec.geom(TABLE_GEOM).contype = spec.geom(TABLE_GEOM).conaffinity = 0
-        add_gripper(spec, spec.worldbody, robotiq_3f())
-        for index, (kind, size, position) in enumerate(obstacles):
-            spec.worldbody.add_geom(name=f"obstacle_{index}", type=kind, size=[*size, 0, 0][:3], pos=position)
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        self.handle = GripperHandle(self.model, robotiq_3f())
-
-    def joint(self, name: str) -> float:
-        return float(self.data.joint(name).qpos[0])
+        super().__init__(robotiq_3f(), *obstacles)
 
     def close(self, grasp_type: GraspType, seconds: float) -> list[tuple[float, float, float]]:
         """Close, and return the three joint angles of finger b after every control period."""
         self.handle.open(self.data, grasp_type)
         path = []
         for _ in range(round(seconds / PERIOD)):
-            self.handle.close(self.data, grasp_type, PERIOD)
-            mujoco.mj_step(self.model, self.data, STEPS)
+            self.tick(grasp_type)
             path.append(tuple(self.joint(f"joint_{k}_b") for k in (1, 2, 3)))
         return path
 

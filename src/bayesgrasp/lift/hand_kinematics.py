@@ -180,13 +180,13 @@ class HandKinematics:
 
     @cached_property
     def _fingers(self) -> list[list[str]]:
-        """Names of the joints of each motor: those that it pulls, then those that couplings tie to them."""
-        fingers = []
+        """Names of the joints of each motor: those that it pulls, then those that couplings alone tie to them."""
+        fingers, pulled = [], {name for motor in self.gripper.motors for name in motor.weights}
         for motor in self.gripper.motors:
             joints = dict.fromkeys(motor.weights)
             for coupling in self.gripper.couplings:
                 if joints.keys() & coupling.weights.keys():
-                    joints |= dict.fromkeys(coupling.weights)
+                    joints |= dict.fromkeys(name for name in coupling.weights if name not in pulled)
             fingers.append(list(joints))
         return fingers
 

@@ -103,8 +103,8 @@ class Rig:
         return float(np.linalg.norm(linear) + np.linalg.norm(angular) * self.object.radius)
 
     def hand_shift(self, state: HandState) -> float:
-        """Largest difference of a joint of the hand from a state, radians."""
-        return float(np.abs(self.data.qpos[self.hand.qpos] - state.angles).max())
+        """Largest difference of a joint of the hand from a state, radians (of a slide, at `SLIDE_LEVER`)."""
+        return float((np.abs(self.data.qpos[self.hand.qpos] - state.angles) * self.hand.levers).max())
 
     def object_in_hand(self) -> Float64[np.ndarray, "4 4"]:
         """Pose of the object's centre of mass, with the axes of its frame, in the hand frame."""

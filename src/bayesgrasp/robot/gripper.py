@@ -28,6 +28,8 @@ from bayesgrasp.types import GraspType, HandIdentity
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+MIMIC_PLAY = 1e-3
+"""Radians, either way, that a joint which mimics another one is free to move."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +48,25 @@ class Shape:
     size: tuple[float, ...]
     quaternion: Quaternion = IDENTITY
 
+    @staticmethod
+    def rod(start: tuple[float, float], end: tuple[float, float], radius: float) -> Shape:
+        """A capsule between two points of the link's x-y plane, metres."""
+        (x0, y0), (x1, y1) = start, end
+        angle = math.atan2(y1 - y0, x1 - x0)
+        # A quarter turn about y lays the capsule's z axis along x; then a turn about z points it to the end.
+        half = math.sqrt(0.5)
+        c, s = math.cos(angle / 2), math.sin(angle / 2)
+        quaternion = (c * half, -s * half, c * half, s * half)
+        centre = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0)
+        return Shape("capsule", centre, (radius, 0.5 * math.hypot(x1 - x0, y1 - y0)), quaternion)
+
 
 @dataclass(frozen=True)
 class Joint:
-    """A hinge at the origin of its link: axis in the link frame, range in radians, damping in N m s/rad.
+    """A hinge at the origin of its link, or a slide: axis in the link frame, range in radians, damping in N m s/rad.
 
-    A spring pulls the joint to its lower stop with torque ``preload`` there and ``stiffness`` N m/rad above it.
+    A spring pulls the joint to its lower stop with torque ``preload`` there and ``stiffness`` N m/rad above it. Of a
+    slide all of this is in metres and newtons, and its weight in a tendon is in radians a metre.
     """
 
     name: str
@@ -61,6 +76,7 @@ class Joint:
     armature: float = 0.002
     preload: float = 0.0
     stiffness: float = 0.0
+    kind: Literal["hinge", "slide"] = "hinge"
 
 
 @dataclass(frozen=True)
@@ -104,6 +120,11 @@ class Coupling:
     range: tuple[float, float]
     preload: float
     stiffness: float
+
+    @staticmethod
+    def mimic(joint: str, other: str, ratio: float = 1.0) -> Coupling:
+        """A joint that moves by ``ratio`` times what another one moves."""
+        return Coupling(f"{joint}_mimics_{other}", {joint: 1.0, other: -ratio}, (-MIMIC_PLAY, MIMIC_PLAY), 0.0, 0.0)
 
 
 @dataclass(frozen=True)

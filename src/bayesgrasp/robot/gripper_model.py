@@ -22,9 +22,12 @@ MOTOR_STIFFNESS = 12.0
 """Of the servo of a motor, in its torques a radian: a blocked motor is at its torque 1/12 rad ahead of its finger."""
 HOLDER_STIFFNESS = 40.0
 """Of the servo of a held joint, in its largest torques a radian: at its limit it is 1/40 rad, 1.4 degrees, off."""
+SLIDE_LEVER = 0.1
+"""Metres that a slide moves to count as much as a radian of a hinge, whose links are about as long."""
 SERVO_LAG = 0.02
 """Seconds by which a servo follows a moving set-point: damping divided by stiffness."""
 
+_JOINT_TYPES = {"hinge": mujoco.mjtJoint.mjJNT_HINGE, "slide": mujoco.mjtJoint.mjJNT_SLIDE}
 _GEOM_TYPES = {"box": mujoco.mjtGeom.mjGEOM_BOX, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
 
@@ -74,7 +77,7 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     rest = joint.range[0] - joint.preload / joint.stiffness if joint.stiffness else 0.0
     body.add_joint(
         name=joint.name,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
+        type=_JOINT_TYPES[joint.kind],
         axis=joint.axis,
         range=joint.range,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
@@ -169,6 +172,8 @@ class GripperHandle:
         self.palm = model.body(gripper.links[0].name).id
         self.qpos = np.array([model.joint(name).qposadr[0] for name in gripper.joint_names])
         self.qvel = np.array([model.joint(name).dofadr[0] for name in gripper.joint_names])
+        slides = [link.joint.kind == "slide" for link in gripper.links if link.joint]
+        self.levers = np.where(slides, 1.0 / SLIDE_LEVER, 1.0)
         bodies = [model.body(link.name).id for link in gripper.links]
         self.is_geom = np.isin(model.geom_bodyid, bodies)
         self._open = {g: gripper.open_angles(g) for g in GraspType}

@@ -137,6 +137,9 @@ def _link_pose(link: Link, angles: dict[str, float]) -> np.ndarray:
     pose = _pose(link.position, link.quaternion)
     if link.joint is not None:
         axis = np.array(link.joint.axis) / np.linalg.norm(link.joint.axis)
+        if link.joint.kind == "slide":
+            pose[:3, 3] += pose[:3, :3] @ axis * angles[link.joint.name]
+            return pose
         pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(angles[link.joint.name] * axis).as_matrix()
     return pose
 

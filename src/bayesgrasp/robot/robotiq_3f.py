@@ -98,7 +98,7 @@ def _finger(name: str, side: float, spread: float) -> list[Link]:
         Link(
             f"proximal_{name}",
             f"knuckle_{name}",
-            (_rod((0.0, 0.0), PROXIMAL_VECTOR, 0.013),),
+            (Shape.rod((0.0, 0.0), PROXIMAL_VECTOR, 0.013),),
             PROXIMAL_MASS,
             (KNUCKLE_LENGTH, 0.0, 0.0),
             joint=Joint(f"joint_1_{name}", (0.0, 0.0, 1.0), JOINT_1_RANGE, damping=0.05),
@@ -106,7 +106,7 @@ def _finger(name: str, side: float, spread: float) -> list[Link]:
         Link(
             f"medial_{name}",
             f"proximal_{name}",
-            (_rod((0.0, 0.0), (MEDIAL_LENGTH, 0.0), 0.0125),),
+            (Shape.rod((0.0, 0.0), (MEDIAL_LENGTH, 0.0), 0.0125),),
             MEDIAL_MASS,
             (*PROXIMAL_VECTOR, 0.0),
             bend,
@@ -129,18 +129,6 @@ def _scissor(name: str, spread: float) -> Joint | None:
     if spread == 0.0:
         return None
     return Joint(f"scissor_{name}", (0.0, -1.0 if spread > 0 else 1.0, 0.0), SCISSOR_RANGE, damping=0.2, armature=0.01)
-
-
-def _rod(start: tuple[float, float], end: tuple[float, float], radius: float) -> Shape:
-    """A capsule between two points of the link's x-y plane."""
-    (x0, y0), (x1, y1) = start, end
-    angle = math.atan2(y1 - y0, x1 - x0)
-    # A quarter turn about y lays the capsule's z axis along x; then a turn about z points it to the end.
-    half = math.sqrt(0.5)
-    c, s = math.cos(angle / 2), math.sin(angle / 2)
-    quaternion = (c * half, -s * half, c * half, s * half)
-    centre = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0)
-    return Shape("capsule", centre, (radius, 0.5 * math.hypot(x1 - x0, y1 - y0)), quaternion)
 
 
 def _pad() -> Shape:

@@ -4,7 +4,7 @@ The robot becomes one multi-body in reduced coordinates (Featherstone), with a l
 frames, inertias, shapes, joint axes, stops and the pairs that never collide are the model's. Two things have no
 counterpart in PyBullet:
 
-* A rotor's inertia (armature) is added to its link's inertia about the joint's axis.
+* A rotor's inertia (armature) is added to its link's inertia about the joint's axis, of a slide to its mass.
 * PyBullet multiplies the two frictions of a contact; MuJoCo takes the object's. So robot and table have friction 1.
 """
 
@@ -65,10 +65,10 @@ class BulletRobot:
         model, parent = self.model, self._parent(body)
         reference = np.eye(4) if parent is None else self._frames[self.links[parent]]
         pose = np.linalg.inv(reference) @ self._frames[body]
-        hinge = model.body_jntnum[body] > 0
+        kind, axis = self._joint(body)
         axes = self._inertia(body)[1]
         return {
-            "linkMasses": float(model.body_mass[body]),
+            "linkMasses": self._mass(body),
             "linkCollisionShapeIndices": self._shape(np.flatnonzero(model.geom_bodyid == body).tolist(), body),
             "linkVisualShapeIndices": -1,
             "linkPositions": pose[:3, 3].tolist(),
@@ -76,9 +76,27 @@ class BulletRobot:
             "linkInertialFramePositions": model.body_ipos[body].tolist(),
             "linkInertialFrameOrientations": bullet_quaternion(axes),
             "linkParentIndices": 0 if parent is None else parent + 1,
-            "linkJointTypes": self.client.JOINT_REVOLUTE if hinge else self.client.JOINT_FIXED,
-            "linkJointAxis": model.jnt_axis[model.body_jntadr[body]].tolist() if hinge else [0.0, 0.0, 1.0],
+            "linkJointTypes": kind,
+            "linkJointAxis": axis,
         }
+
+    def _is_slide(self, body: int) -> bool:
+        first = self.model.body_jntadr[body]
+        return bool(self.model.body_jntnum[body] and self.model.jnt_type[first] == mujoco.mjtJoint.mjJNT_SLIDE)
+
+    def _joint(self, body: int) -> tuple[int, list[float]]:
+        """Type and axis of the joint that moves a link."""
+        if not self.model.body_jntnum[body]:
+            return int(self.client.JOINT_FIXED), [0.0, 0.0, 1.0]
+        kind = self.client.JOINT_PRISMATIC if self._is_slide(body) else self.client.JOINT_REVOLUTE
+        return int(kind), self.model.jnt_axis[self.model.body_jntadr[body]].tolist()
+
+    def _mass(self, body: int) -> float:
+        """Of a link, kg, with the inertia of a slide's rotor."""
+        mass = float(self.model.body_mass[body])
+        if self._is_slide(body):
+            mass += float(self.model.dof_armature[self.model.body_dofadr[body]])
+        return mass
 
     def _inertia(self, body: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
         """Principal moments (kg m^2) and axes (columns, in the link's frame), with the rotor's inertia."""
@@ -86,6 +104,8 @@ class BulletRobot:
         axes = rotation_matrix(model.body_iquat[body])
         tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
         for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+                continue  # it is added to the mass
             axis = model.jnt_axis[joint]
             tensor += model.dof_armature[model.jnt_dofadr[joint]] * np.outer(axis, axis)
         moments, axes = np.linalg.eigh(tensor)
