@@ -61,6 +61,7 @@ ENDS = (
 COMMANDS: dict[str, Command] = {
     "demo": Command("demo:demo", "Plan a grasp for a simulated object from its depth image, and try it."),
     "plan": Command("plan:plan", "Plan grasps from a depth image."),
+    "serve": Command("serve:serve", "Plan grasps for whoever asks over HTTP."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
     "objects show": Command(
         "objects:show",

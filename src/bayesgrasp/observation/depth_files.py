@@ -56,6 +56,23 @@ def read_depth(path: Path | str, unit: Unit = "auto", nan_is_hole: bool = False)
         raise DepthImageError(f"{path}: {error}") from error
 
 
+def depth_of(content: bytes, kind: str) -> Float32[np.ndarray, "h w"]:
+    """The depth image in the bytes of a depth file.
+
+    Args:
+        content: Of the file.
+        kind: One of `SUFFIXES`.
+
+    Raises:
+        DepthImageError: As `read_depth` does.
+    """
+    try:
+        stored = _array_in(content, kind)
+    except DepthImageError as error:
+        raise DepthImageError(f"the depth file {error}") from error
+    return checked_depth(stored)
+
+
 def checked_depth(
     stored: Shaped[np.ndarray, "..."], unit: Unit = "auto", nan_is_hole: bool = False
 ) -> Float32[np.ndarray, "h w"]:
@@ -100,11 +117,15 @@ def _stored_array(path: Path) -> Shaped[np.ndarray, "..."]:
     except FileError as error:
         raise DepthImageError(f"depth image: {error}") from error
     try:
-        if kind == ".png":
-            return png_array(content)
-        return npy_array(content) if kind == ".npy" else npz_array(content, NAME)
+        return _array_in(content, kind)
     except DepthImageError as error:
         raise DepthImageError(f"{path} {error}") from error
+
+
+def _array_in(content: bytes, kind: str) -> Shaped[np.ndarray, "..."]:
+    if kind == ".png":
+        return png_array(content)
+    return npy_array(content) if kind == ".npy" else npz_array(content, NAME)
 
 
 def _one_channel(stored: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, "h w"]:

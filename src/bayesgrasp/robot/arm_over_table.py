@@ -5,6 +5,7 @@ The motion is that of the lift test (`motion`); the object, known only from one 
 
 from __future__ import annotations
 
+import threading
 from functools import partial
 
 import mujoco
@@ -21,7 +22,7 @@ from bayesgrasp.types import GraspType
 
 
 class ArmOverTable:
-    """Plans motions of an arm with a gripper above an empty table (one compiled model; not for several threads).
+    """Plans motions of an arm with a gripper above an empty table (one compiled model; several threads may share it).
 
     Args:
         arm: The arm.
@@ -35,11 +36,19 @@ class ArmOverTable:
         spec = new_spec()
         add_gripper(spec, add_arm(spec, arm), gripper)
         model = spec.compile()
-        self._data = mujoco.MjData(model)
+        self._model = model
+        self._own = threading.local()
         self._handle = ArmHandle(model)
         self._hand = GripperHandle(model, gripper)
 
     def plan(self, hand_to_world: Float64[np.ndarray, "4 4"], grasp_type: GraspType) -> Motion | None:
         """A motion to h that is free of collision with the table and the arm itself, or None."""
-        self._hand.open(self._data, grasp_type)
-        return plan_motion(self.arm, hand_to_world, self.config, partial(self._handle.collides, self._data))
+        data = self._state()
+        self._hand.open(data, grasp_type)
+        return plan_motion(self.arm, hand_to_world, self.config, partial(self._handle.collides, data))
+
+    def _state(self) -> mujoco.MjData:
+        """The state of this thread: in one for all, each would move the others' arm."""
+        if not hasattr(self._own, "data"):
+            self._own.data = mujoco.MjData(self._model)
+        return self._own.data

@@ -1,0 +1,1 @@
+"""A planner behind HTTP: what a request may hold, one plan for each, limits, and numbers of how it goes."""
