@@ -7,7 +7,7 @@ import pytest
 from untrained_model import OBJECTS, save_untrained
 
 from bayesgrasp.data.loader import GraspDataset
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
 from bayesgrasp.objects.catalogue import load_objects
 from bayesgrasp.ratio.card import read_card, write_card
 from bayesgrasp.workflows.practise import PracticeJob, practise
@@ -38,6 +38,14 @@ def test_an_estimator_that_is_told_the_mesh_refuses_meshes_that_it_never_knew(mo
     job = PracticeJob(model, load_objects(["household_ball"]), scenes=1, tries=3, estimator="full")
     with pytest.raises(InvalidConfigurationError, match="knows the objects household_carton"):
         practise(job, tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_model_of_another_hand_is_refused_before_anything_is_written(model: Path, tmp_path: Path) -> None:
+    other = save_untrained(tmp_path / "model")
+    write_card(other, read_card(other) | {"gripper": "robotiq-2f-85", "gripper_sha256": 64 * "0"})
+    with pytest.raises(CheckpointError, match="for the gripper 'robotiq-2f-85', not for 'robotiq-3f'"):
+        practise(PracticeJob(other, load_objects(OBJECTS), scenes=1, tries=3), tmp_path / "set")
     assert not (tmp_path / "set").exists()
 
 

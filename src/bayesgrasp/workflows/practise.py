@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from bayesgrasp.data.manifest import Given, Manifest
-from bayesgrasp.errors import InvalidConfigurationError
+from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
 from bayesgrasp.generation.blind_practice import BlindProposer, BlindRecipe
 from bayesgrasp.generation.chunks import GenerateConfig, SimulatedWorld
 from bayesgrasp.generation.exploration import Explorer
@@ -28,7 +28,7 @@ from bayesgrasp.posterior.potential import LogDensity
 from bayesgrasp.posterior.practice_hands import blind_hands, practice_hands
 from bayesgrasp.prior.cameras import CameraLaw, camera_law
 from bayesgrasp.prior.scene import ScenePrior
-from bayesgrasp.ratio.card import read_card
+from bayesgrasp.ratio.card import read_card, trained_hand
 from bayesgrasp.ratio.model import GraspModel
 from bayesgrasp.robot.open_hand import OpenHand
 from bayesgrasp.robot.robotiq_3f import robotiq_3f
@@ -136,13 +136,16 @@ def practise(
         The manifest with the final counts.
 
     Raises:
-        CheckpointError: There is no such model.
+        CheckpointError: There is no such model, or it is for another hand.
         DataError: There is a data set in ``out`` already, of another kind or being written, or it is damaged.
         InvalidConfigurationError: An estimator that is told the mesh never knew these objects.
     """
     objects = with_copies(job.objects, job.deform, generator(job.seed, Stream.COPIES))
     world, scene = SimulatedWorld(objects), ScenePrior(len(objects))
-    config = job.sizes(read_card(job.model))
+    card = read_card(job.model)
+    if another := trained_hand(card).compare(world.gripper.identity):
+        raise CheckpointError(f"the model {job.model} is for {another}")
+    config = job.sizes(card)
     manifest = describe(world, config, job.seed, scene, job.attempts)
     if job.explore:
         manifest = replace(
