@@ -71,6 +71,14 @@ def _shared(path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def training_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small data set of the fake world to read from, made once for all tests that train on it."""
+    from training_set import make_training_set  # imports the simulators, which most tests do without
+
+    return make_training_set(tmp_path_factory.mktemp("training_set") / "data", 3000)
+
+
+@pytest.fixture(scope="session")
 def ycb_dir() -> Path:
     """Directory of YCB scans in the official layout; skips where it is absent."""
     return _shared(SHARED / "objects" / "ycb")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from training_set import make_training_set
 
 from bayesgrasp.cli.main import main
 from bayesgrasp.ratio.checkpoint import load_model
@@ -15,21 +14,20 @@ OPTIONS = ["--epochs", "1", "--batch-size", "8", "--preset", "paper"]
 PARTS = ["--estimators", "success_ratio", "image"]
 
 
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_training_set(tmp_path_factory.mktemp("train") / "data", 3000)
-
-
 def run(*words: str | Path) -> None:
     main(["train", *map(str, words)])
 
 
-def test_a_model_is_trained_loaded_and_resumed(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_is_trained_loaded_and_resumed(
+    training_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "model"
-    run("--data", data, "--out", out, *OPTIONS, *PARTS)
+    run("--data", training_set, "--out", out, *OPTIONS, *PARTS)
     assert "image: held-out loss" in capsys.readouterr().out
     model = load_model(out)
-    assert model.card["objects"] == [item["id"] for item in json.loads((data / "manifest.json").read_text())["objects"]]
+    assert model.card["objects"] == [
+        item["id"] for item in json.loads((training_set / "manifest.json").read_text())["objects"]
+    ]
     assert 0 < model.card["success_rate"] < 0.2
     assert model.card["prior"]["kappa"] == 30.0
     metrics = model.card["estimators"]["image"]["metrics"]
@@ -39,9 +37,9 @@ def test_a_model_is_trained_loaded_and_resumed(data: Path, tmp_path: Path, capsy
     assert value.isfinite().all()
 
     with pytest.raises(SystemExit):
-        run("--data", data, "--out", out, *OPTIONS, *PARTS)
+        run("--data", training_set, "--out", out, *OPTIONS, *PARTS)
     assert "--resume" in capsys.readouterr().err
-    run("--data", data, "--out", out, *OPTIONS, *PARTS, "--resume")
+    run("--data", training_set, "--out", out, *OPTIONS, *PARTS, "--resume")
     torch.testing.assert_close(load_model(out).given_image(torch.full((1, 160, 256), 0.7))(some), value)
 
 
@@ -55,10 +53,10 @@ def test_a_model_is_trained_loaded_and_resumed(data: Path, tmp_path: Path, capsy
     ],
 )
 def test_wrong_options_are_one_clear_error(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+    training_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
 ) -> None:
     with pytest.raises(SystemExit) as stop:
-        run("--data", data, "--out", tmp_path / "model", *words)
+        run("--data", training_set, "--out", tmp_path / "model", *words)
     assert stop.value.code == 2
     assert message in capsys.readouterr().err
 
