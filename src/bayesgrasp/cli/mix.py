@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bayesgrasp.training.mix import mix as run
 from bayesgrasp.workflows.load import model_directory
-from bayesgrasp.workflows.mix import mix as run
 
 
 def mix(model: Path, start: Path, out: Path, share: float = 0.25) -> None:

@@ -27,13 +27,13 @@ from bayesgrasp.ratio.card import read_card
 from bayesgrasp.ratio.checkpoint import join_models
 from bayesgrasp.ratio.model import Role
 from bayesgrasp.seeding import Stream, generator
+from bayesgrasp.training.mix import mix
 from bayesgrasp.training.train_estimator import TrainConfig
 from bayesgrasp.viewer.story import draw_story
 from bayesgrasp.workflows.calibrate import CalibrationJob, calibrate
 from bayesgrasp.workflows.evaluate import Evaluation
 from bayesgrasp.workflows.generate import GenerateJob, generate
 from bayesgrasp.workflows.load import load_planner, model_directory, trained_prior
-from bayesgrasp.workflows.mix import mix
 from bayesgrasp.workflows.practise import PracticeJob, practise
 from bayesgrasp.workflows.scales import SCALES, Scale, ScaleName
 from bayesgrasp.workflows.stages import Stages, Watcher

@@ -10,7 +10,7 @@ from untrained_model import save_untrained
 from bayesgrasp.errors import CheckpointError, InvalidConfigurationError
 from bayesgrasp.ratio.card import read_card, write_card
 from bayesgrasp.ratio.checkpoint import load_model, save_estimators
-from bayesgrasp.workflows.mix import mix
+from bayesgrasp.training.mix import mix
 
 WEIGHTS = "success.safetensors"
 
