@@ -68,6 +68,7 @@ COMMANDS: dict[str, Command] = {
         "Describe one object and draw it, its mesh and its convex parts, or draw all objects of a split.",
     ),
     "objects fetch": Command("objects:fetch", "Download YCB scans from the official archives."),
+    "gripper show": Command("gripper:show", "Describe a gripper, and draw it open, half way and closed."),
     "simulate": Command("simulate:simulate", "Run lift tests on hand configurations drawn from the prior."),
     "render": Command("render:render", "Render the depth image of an object on the table."),
     "practice": Command(
