@@ -31,7 +31,7 @@ from bayesgrasp.robot.robotiq_3f import robotiq_3f
 from bayesgrasp.types import Hands
 
 SHIPPED = Path(__file__).parents[1] / "weights"
-MODELS = ("paper",)
+MODELS = ("general", "paper")
 """The trained models that come with the package, by name; the first is the default."""
 
 
@@ -50,7 +50,8 @@ def load_planner(
     """A planner for the Robotiq 3-Finger on a UR5 from a trained model.
 
     Args:
-        model: Directory of a model, or the name of one that comes with the package: paper; by default the first.
+        model: Directory of a model, or the name of one that comes with the package: general or paper; by default the
+            first.
         device: Where the network is evaluated and searched: cpu, cuda, or cuda:N.
         config: Cost and behaviour of the plans.
 
