@@ -61,6 +61,9 @@ ENDS = (
 COMMANDS: dict[str, Command] = {
     "demo": Command("demo:demo", "Plan a grasp for a simulated object from its depth image, and try it."),
     "plan": Command("plan:plan", "Plan grasps from a depth image."),
+    "view": Command(
+        "view:view", "Look at a plan in the browser: points, posterior, ranked grasps, constraints set by hand."
+    ),
     "serve": Command("serve:serve", "Plan grasps for whoever asks over HTTP."),
     "objects list": Command("objects:list_objects", "List the objects of the catalogue."),
     "objects show": Command(
