@@ -1,8 +1,9 @@
 """The Robotiq 2F-85, a two-fingered gripper of 85 mm stroke, as a `GripperDescription`.
 
 Pivots, pads and link masses follow the public model of MuJoCo Menagerie (`robotiq_2f85`, from the maker's CAD), and the
-stroke follows from them. Speed and range of force are nominal and not checked against a manual. Hand frame: x = approach, y = closing direction, z = x cross y, origin
-between the pivots of the inner bars, 60.9 mm ahead of the mounting face.
+stroke follows from them. Speed and range of force are nominal and not checked against a manual. Hand frame:
+x = approach, y = closing direction, z = x cross y, origin between the pivots of the inner bars, 60.9 mm ahead of the
+mounting face.
 
 A finger is a parallelogram: an inner and an outer bar carry the fingertip without turning it, along a circle. As in the
 real gripper, where a bar is blocked close to the palm, the outer bar folds and the fingertip turns inwards around the
