@@ -24,6 +24,8 @@ STRIDE = 4
 """Every so many pixels, each way, are looked at for the plane of the table."""
 FEWEST = 50
 """With fewer of them the table is taken to be z = 0."""
+UNSEEN = 0.001
+"""What a camera did not see is filled in as a bare table at z = 0, which may rise above the table seen; metres."""
 MAD_OF_NORMAL = 1.4826
 """Standard deviation of a normal law by its median absolute deviation."""
 
@@ -223,7 +225,7 @@ class SurfaceReader:
         """The pieces of the non-table pixels that are large enough, numbered from 1; elsewhere 0."""
         config, height = self.config, heights(points, table)
         with np.errstate(invalid="ignore"):
-            above = (height > thickness) & (height < config.ceiling)
+            above = (height > thickness) & (height < config.ceiling) & (np.abs(points[..., 2]) > UNSEEN)
         above &= in_square(points, config.reach)
         pieces = _large_pieces(above, above, config.min_pixels)
         if pieces.any():
