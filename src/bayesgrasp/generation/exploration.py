@@ -47,14 +47,14 @@ class Explorer:
 
         The image is read in the world frame, which the hands are in.
         """
-        points = self.reader.read(image).item_points.astype(np.float64)
-        if count == 0 or len(points) == 0:
+        surface = self.reader.read(image) if count else None
+        if surface is None or not surface.item.any():
             return self.prior.sample(count, rng)
-        low, high = np.percentile(points[:, :2], (2, 98), axis=0)
+        points = surface.item_points.astype(np.float64)
         types = rng.choice(self.prior.types, count)
         rotations = _downwards(_across(points[:, :2]), count, rng)
         heights = self._heights(rotations, types, points[:, 2].max(), rng)
-        place = (low + high) / 2 + rng.normal(0.0, ASIDE, (count, 2))
+        place = surface.center + rng.normal(0.0, ASIDE, (count, 2))
         position = np.clip(np.column_stack([place, heights]), *np.transpose([self.prior.x, self.prior.y, self.prior.z]))
         return Hands(torch.from_numpy(position).float(), torch.from_numpy(rotations).float(), torch.from_numpy(types))
 

@@ -56,6 +56,10 @@ class GraspSpace:
         if not (math.isfinite(self.type_distance) and self.type_distance >= 0):
             raise InvalidConfigurationError(f"type_distance must be finite and >= 0 rad, got {self.type_distance}")
 
+    def per_radian(self, like: Tensor) -> Float[Tensor, "6"]:
+        """What a radian of the metric is along each axis of a tangent vector, metres and radians; type as of `like`."""
+        return like.new_tensor([self.length_scale] * 3 + [1.0] * 3)
+
     def retract(self, hands: Hands, tangent: Float[Tensor, "*batch 6"]) -> Hands:
         """Follow the geodesic for unit time (the exponential map); the grasp type stays.
 

@@ -14,7 +14,7 @@ prior's box; there are more draws where few are allowed, and more of them are ca
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -25,15 +25,11 @@ from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.grasp_space import GraspSpace
 from bayesgrasp.planning.constraints import ConstraintCheck
 from bayesgrasp.planning.selection import Candidates
-from bayesgrasp.posterior.ascent import starting_points
 from bayesgrasp.posterior.importance import Weighted, weigh
+from bayesgrasp.posterior.maxima import search_maxima
 from bayesgrasp.posterior.posterior import Posterior
-from bayesgrasp.posterior.potential import tempered_potential
-from bayesgrasp.posterior.refine import RefineConfig, refine
+from bayesgrasp.posterior.refine import RefineConfig
 from bayesgrasp.types import Hands
-
-TEMPERS = (1.0, 0.0)
-"""Weights of the log-prior in the search: they lead to the MAP and to the MLE."""
 
 
 @dataclass(frozen=True)
@@ -141,11 +137,9 @@ def _found(
 ) -> Hands:
     with torch.no_grad():
         log_prior = posterior.prior.log_prob(draws)
-    starts = [starting_points(draws, -(log_ratio + w * log_prior), effort.starts) for w in TEMPERS]
-    goal = torch.cat([torch.full_like(hands.grasp_type, number) for number, hands in enumerate(starts)])
-    weight = log_prior.new_tensor(TEMPERS)[goal]
-    potential = replace(tempered_potential(posterior.log_ratio, posterior.prior, weight), allowed=allowed)
-    ends = refine(potential, Hands.cat(starts), goal, rng, effort.refine)
+    ends = search_maxima(
+        posterior.log_ratio, posterior.prior, draws, log_ratio, effort.starts, rng, effort.refine, allowed
+    )
     best = (-(log_ratio + log_prior)).argsort()[: effort.fallbacks]
     return Hands.cat([ends, draws[best]])
 
@@ -153,7 +147,7 @@ def _found(
 def _judged(posterior: Posterior, hands: Hands, errors: Float32[np.ndarray, "k 6"]) -> Candidates:
     """Candidates with what they promise, and what hands beside them do, displaced by the same errors for all."""
     count, space = len(hands.grasp_type), GraspSpace()
-    scale = hands.position.new_tensor([space.length_scale] * 3 + [1.0] * 3)
+    scale = space.per_radian(hands.position)
     shift = torch.from_numpy(errors).to(scale) * scale
     rows = torch.arange(count, device=scale.device).repeat_interleave(len(shift))
     with torch.no_grad():

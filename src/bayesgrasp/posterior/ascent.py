@@ -171,7 +171,7 @@ class _Descent:
     def __init__(self, potential: Potential, starts: Hands, config: AscentConfig):
         self.potential, self.config = potential, config
         self.hands = Hands(starts.position.clone(), starts.rotation.clone(), starts.grasp_type)
-        self.scale = starts.position.new_tensor([config.space.length_scale] * 3 + [1.0] * 3)
+        self.scale = config.space.per_radian(starts.position)
         self.low, self.high = potential.box.corners(starts.position)
         value, gradient = potential.value_and_grad(starts)
         self.value, self.gradient = value, gradient * self.scale

@@ -128,7 +128,7 @@ class _Chains:
 
     def __init__(self, potential: Potential, starts: Hands, generator: torch.Generator, config: ChainConfig):
         self.potential, self.generator, self.config = potential, generator, config
-        self.scale = starts.position.new_tensor([config.space.length_scale] * 3 + [1.0] * 3)
+        self.scale = config.space.per_radian(starts.position)
         self.turns = so3.exp(starts.position.new_tensor([[0.5 * math.pi * k, 0.0, 0.0] for k in range(4)]))
         self.step_size = config.step
         self.hands = starts

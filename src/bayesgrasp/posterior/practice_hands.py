@@ -12,24 +12,21 @@ import numpy as np
 import torch
 
 from bayesgrasp.geometry.grasp_space import GraspSpace
-from bayesgrasp.posterior.ascent import AscentConfig, ascend, starting_points
-from bayesgrasp.posterior.importance import Weighted, weigh
+from bayesgrasp.posterior.ascent import AscentConfig, ascend
+from bayesgrasp.posterior.importance import weigh
+from bayesgrasp.posterior.maxima import search_maxima
 from bayesgrasp.posterior.potential import (
     LogDensity,
     Prior,
     likelihood_potential,
     posterior_potential,
     support,
-    tempered_potential,
 )
-from bayesgrasp.posterior.refine import refine
 from bayesgrasp.seeding import torch_child
 from bayesgrasp.types import Hands
 
 STARTS = 4
 """Starts of a search per grasp type, as a planner has them."""
-TEMPERS = (1.0, 0.0)
-"""Weights of the log-prior in a search: its ends are the maxima of the posterior and of the likelihood."""
 BESIDE = 0.05
 """Standard deviation of hands beside such an end, radians along each axis of the metric: 2.9 degrees and 5 mm."""
 
@@ -51,20 +48,13 @@ def practice_hands(
     """
     weighted, generator = weigh(log_ratio, prior, num_draws, rng), torch_child(rng)
     third = count // 3
-    ends = _best_of_each_type(log_ratio, _search(log_ratio, prior, weighted, rng))[:third]
-    beside = BESIDE * torch.tensor([GraspSpace().length_scale] * 3 + [1.0] * 3)
+    ends = _best_of_each_type(
+        log_ratio, search_maxima(log_ratio, prior, weighted.hands, weighted.log_ratio, STARTS, rng)
+    )[:third]
+    beside = BESIDE * GraspSpace().per_radian(ends.position)
     near = GraspSpace().retract(ends, beside * torch.randn(*ends.shape, 6, generator=generator))
     near = replace(near, position=support(prior).clip(near.position))
     return Hands.cat([weighted.resample(count - 2 * ends.shape[0], generator), ends, near])
-
-
-def _search(log_ratio: LogDensity, prior: Prior, drawn: Weighted, rng: np.random.Generator) -> Hands:
-    """Ends of searches for both maxima, as a planner makes them."""
-    log_prior = prior.log_prob(drawn.hands)
-    starts = [starting_points(drawn.hands, -(drawn.log_ratio + w * log_prior), STARTS) for w in TEMPERS]
-    goal = torch.cat([torch.full_like(hands.grasp_type, number) for number, hands in enumerate(starts)])
-    potential = tempered_potential(log_ratio, prior, log_prior.new_tensor(TEMPERS)[goal])
-    return refine(potential, Hands.cat(starts), goal, rng)
 
 
 def _best_of_each_type(log_ratio: LogDensity, hands: Hands) -> Hands:

@@ -105,7 +105,7 @@ class _Race:
         count = len(self.value)
         each = max(1, config.trials // max(count, 1))
         origin = torch.arange(count, device=self.value.device).repeat_interleave(each)
-        length = self.value.new_tensor([config.space.length_scale] * 3 + [1.0] * 3)
+        length = config.space.per_radian(self.value)
         noise = torch.from_numpy(rng.standard_normal((len(origin), 6), np.float32)).to(self.value)
         trial = config.space.retract(self.hands[origin], step * length * noise)
         trial = replace(trial, position=self.potential.box.clip(trial.position))
