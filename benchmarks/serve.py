@@ -10,14 +10,10 @@ so plans a second are those of one core, whatever else the machine does; wall-cl
 import base64
 import io
 import json as json_text
-import socket
-import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +28,7 @@ from bayesgrasp.files import write_json
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.prior.scene import ScenePrior
 from bayesgrasp.seeding import generator
-from bayesgrasp.serving.app import configured
+from bayesgrasp.serving.app import in_background
 from bayesgrasp.serving.service import PlanService, ServiceLimits
 
 
@@ -47,21 +43,6 @@ def requests_for(images: int, seed: int) -> list[bytes]:
         body = {"depth": base64.b64encode(file.getvalue()).decode(), "format": "npy", "camera": camera.to_dict()}
         found.append(json_text.dumps(body | {"seed": number}).encode())
     return found
-
-
-@contextmanager
-def served(service: PlanService) -> Iterator[str]:
-    """The service on a free port; gives the address of its plans."""
-    with socket.create_server(("127.0.0.1", 0)) as place:
-        server = configured(service, "127.0.0.1", 0, None)
-        thread = threading.Thread(target=server.run, args=([place],))
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{place.getsockname()[1]}/plan"
-        finally:
-            server.should_exit = True
-            thread.join()
-            service.close()
 
 
 def ask(address: str, body: bytes) -> dict[str, Any]:
@@ -109,11 +90,11 @@ def main(
         asked = wrong = 0
         while time.perf_counter() - began < seconds:
             chosen = (number + asked) % images
-            wrong += ask(address, bodies[chosen]) != alone[chosen]
+            wrong += ask(f"{address}/plan", bodies[chosen]) != alone[chosen]
             asked += 1
         return asked, wrong
 
-    with served(service) as address, ThreadPoolExecutor(clients) as pool:
+    with in_background(service) as address, ThreadPoolExecutor(clients) as pool:
         asked, wrong = (sum(column) for column in zip(*pool.map(client, range(clients)), strict=True))
     content = {
         "clients": clients,

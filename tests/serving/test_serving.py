@@ -3,13 +3,11 @@
 import base64
 import io
 import json
-import socket
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,7 @@ from bayesgrasp.cli.main import main
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.geometry.camera import canonical_camera
 from bayesgrasp.planning.planner import Planner
-from bayesgrasp.serving.app import check_token, configured
+from bayesgrasp.serving.app import check_token, in_background
 from bayesgrasp.serving.service import PlanService, ServiceLimits
 from bayesgrasp.workflows.load import load_planner
 
@@ -34,20 +32,11 @@ def planner(tmp_path_factory: pytest.TempPathFactory) -> Planner:
     return load_planner(save_untrained(tmp_path_factory.mktemp("serving") / "model"))
 
 
-@contextmanager
-def served(planner: Planner, limits: ServiceLimits | None = None, token: str | None = None) -> Iterator[str]:
+def served(
+    planner: Planner, limits: ServiceLimits | None = None, token: str | None = None
+) -> AbstractContextManager[str]:
     """A service on a free port; gives its address."""
-    service = PlanService(planner, limits or ServiceLimits())
-    with socket.create_server(("127.0.0.1", 0)) as place:
-        server = configured(service, "127.0.0.1", 0, token)
-        thread = threading.Thread(target=server.run, args=([place],))
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{place.getsockname()[1]}"
-        finally:
-            server.should_exit = True
-            thread.join()
-            service.close()
+    return in_background(PlanService(planner, limits or ServiceLimits()), token)
 
 
 def send(address: str, body: bytes | None = None, token: str | None = None) -> Sent:

@@ -17,7 +17,10 @@ from __future__ import annotations
 import asyncio
 import hmac
 import ipaddress
-from collections.abc import Awaitable, Callable
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 
 from bayesgrasp.errors import InvalidConfigurationError
 from bayesgrasp.serving.service import BUSY, NO_GRASP, OK, WRONG, Answer, PlanService
@@ -114,6 +117,21 @@ def configured(service: PlanService, host: str, port: int, token: str | None) ->
     """The server of a service, not started."""
     app = application(service, token)
     return uvicorn.Server(uvicorn.Config(app, host, port, log_level="warning", ws="none", lifespan="off"))
+
+
+@contextmanager
+def in_background(service: PlanService, token: str | None = None) -> Iterator[str]:
+    """A service on a free port of this machine, in a thread; gives its address, and ends with the block."""
+    with socket.create_server(("127.0.0.1", 0)) as place:
+        server = configured(service, "127.0.0.1", 0, token)
+        thread = threading.Thread(target=server.run, args=([place],))
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{place.getsockname()[1]}"
+        finally:
+            server.should_exit = True
+            thread.join()
+            service.close()
 
 
 def check_token(host: str, token: str | None) -> None:
